@@ -20,12 +20,13 @@ sets         singular_set singular_map singularity_polynomial free_box free_boxe
              FoundSet SingularMap TrigPolynomial Certificate FreeBox FreeBoxes
 workspaces   workspace risk_profile pose_risk design Workspace Region RiskProfile PoseRisk
 motion       simulate simulate_many simulate_phases follow move JointPD TransposedJacobian
-             ResolvedRate DampedLeastSquares Reactionless Plant Integration PassiveJoint WheelHold
-             Phase Grasp Release Motion Trajectory Followed Flight Event
+             ResolvedRate DampedLeastSquares Reactionless Plant Sampling Integration PassiveJoint
+             WheelHold Phase Grasp Release Motion Trajectory Followed Flight Event
 planning     plan detumble connected time_optimal Tracking collision_check Joints Constraints
              Search Plan Attempt Connection Obstacle CollisionReport
 mission      feasible_attitudes reaction size_wheels level_reach level_envelope momentum_budget
-             FeasibleAttitudes Reaction WheelSizing LevelReach LevelEnvelope MomentumBudget
+             catch FeasibleAttitudes Reaction WheelSizing LevelReach LevelEnvelope MomentumBudget
+             Target Catch
 uncertainty  uncertain distance_range is_free_for_all shell_bands robust_plan UncertainArm
              DistanceRange RobustCertificate ShellBands
 sweeps       sweep Study
@@ -54,7 +55,10 @@ q            (n,) one number per joint that counts, in the model's order, spacec
 task         rows named "x y z rx ry rz"; aliases "pose", "position", "orientation"; a length [m]
              scales the linear rows where both kinds are present
 distance     to the singular set: over all joints together, rad; of sliding joints see
-             SingularityReport
+             SingularityReport. Found, so that the nearest singular posture is no farther (nearest,
+             motions, singularity with exact=True); proven, so that none is nearer
+             (distance_proven, clearance); or to first order, an estimate (singularity, evaluate,
+             maps, risk, attitudes, many runs)
 symbols      q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & Dubowsky, Dynamic
              Singularities in Free-Floating Space Manipulators, J. Dyn. Sys. Meas. Control 115(1),
              44-52 (1993), whose equation numbers are cited as (35)

@@ -52,10 +52,13 @@ from spacearm.mechanics.jacobian import (
 from spacearm.mechanics.jacobian import generalized_jacobian_rate as generalized_jacobian_rate
 from spacearm.mechanics.jacobian import momentum_matrix as momentum_matrix
 from spacearm.mechanics.jacobian import prescribed_motion as prescribed_motion
+from spacearm.mechanics.target import Target as Target
 from spacearm.mission.attitudes import FeasibleAttitudes as FeasibleAttitudes
 from spacearm.mission.attitudes import feasible_attitudes as feasible_attitudes
 from spacearm.mission.budget import MomentumBudget as MomentumBudget
 from spacearm.mission.budget import momentum_budget as momentum_budget
+from spacearm.mission.catching import Catch as Catch
+from spacearm.mission.catching import catch as catch
 from spacearm.mission.level import LevelEnvelope as LevelEnvelope
 from spacearm.mission.level import LevelReach as LevelReach
 from spacearm.mission.level import level_envelope as level_envelope
@@ -88,6 +91,7 @@ from spacearm.motion.motion import Trajectory as Trajectory
 from spacearm.motion.plant import Integration as Integration
 from spacearm.motion.plant import PassiveJoint as PassiveJoint
 from spacearm.motion.plant import Plant as Plant
+from spacearm.motion.plant import Sampling as Sampling
 from spacearm.motion.plant import WheelHold as WheelHold
 from spacearm.motion.simulation import simulate as simulate
 from spacearm.motion.simulation import simulate_many as simulate_many

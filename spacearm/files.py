@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import re
 import stat
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
 from tempfile import TemporaryDirectory
@@ -70,17 +70,40 @@ def write_by(path: Path, fill: Callable[[BinaryIO], object]) -> Path:
     Raises:
         SpaceArmError: It cannot be written, or there is a folder, a device or a pipe.
     """
+    with _beside(path) as (target, beside):
+        with beside.open("wb") as file:
+            if target.exists():
+                beside.chmod(stat.S_IMODE(target.stat().st_mode))
+            fill(file)
+        beside.replace(target)
+    return path
+
+
+def writable(path: Path) -> None:
+    """Refuse a file that cannot be written, before the work for it begins.
+
+    Raises:
+        SpaceArmError: It cannot be written, or there is a folder, a device or a pipe.
+    """
+    with _beside(path):
+        pass
+
+
+@contextmanager
+def _beside(path: Path) -> Iterator[tuple[Path, Path]]:
+    """Make an empty file beside the one that is written; it is gone afterwards.
+
+    Yields:
+        What the path leads to, and the file beside it.
+    """
     beside: Path | None = None
     try:
         if path.exists() and not path.is_file():
             raise SpaceArmError(f"{path} cannot be written: it is no regular file; name another")
         target = Path(os.path.realpath(path))
         beside = target.with_name(f".{token_hex(16)}.partial")
-        with beside.open("xb") as file:
-            if target.exists():
-                beside.chmod(stat.S_IMODE(target.stat().st_mode))
-            fill(file)
-        beside.replace(target)
+        beside.open("xb").close()
+        yield target, beside
     except (OSError, ValueError) as error:  # ValueError: no file can have that name
         why = getattr(error, "strerror", None) or error
         raise SpaceArmError(f"{path} cannot be written: {why}") from None
@@ -88,7 +111,6 @@ def write_by(path: Path, fill: Callable[[BinaryIO], object]) -> Path:
         if beside:
             with suppress(OSError):
                 beside.unlink()
-    return path
 
 
 def write_folder(path: Path, fill: Callable[[Path], object], mark: str) -> Path:

@@ -6,6 +6,7 @@ A result class says what it shows in `describe`; terminal, notebook, page and re
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from html import escape
@@ -178,12 +179,12 @@ class Description:
 
 
 @checked
-class Described:
+class Described(ABC):
     """Base of all that has a description: `describe` is all that a class needs."""
 
+    @abstractmethod
     def describe(self) -> Description:
         """Describe it: title, verdict, tables of named columns with units."""
-        raise NotImplementedError(f"{type(self).__name__} has no description")
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.describe().headline})"

@@ -106,6 +106,17 @@ def test_nothing_is_left_of_what_cannot_be_written(tmp_path):
     assert not [*tmp_path.iterdir()]
 
 
+def test_what_cannot_be_written_is_refused_before_and_nothing_is_left_of_what_can(tmp_path):
+    kept = tmp_path / "kept"
+    kept.write_bytes(b"old")
+    for path in (kept, tmp_path / "new"):
+        files.writable(path)
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"old"]
+    for path in (tmp_path, Path("/dev/null"), tmp_path / ("x" * 300), tmp_path / "no" / "file"):
+        with pytest.raises(sa.SpaceArmError, match="cannot be written"):
+            files.writable(path)
+
+
 @given(st.text(max_size=300))
 def test_no_name_leads_to_another_folder(name):
     part = files.name_part(name)

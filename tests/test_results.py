@@ -17,6 +17,7 @@ from spacearm.cli.output import print_result
 from spacearm.plots.report_page import Section
 from spacearm.results import (
     Column,
+    Described,
     Description,
     Measure,
     Result,
@@ -83,12 +84,23 @@ def flight():
     return sa.simulate_phases(arm().at([0.1, 0.2]), phases)
 
 
+@cache
+def caught():
+    start = sa.load("chaser7").at([0.0, 0.6, 0.0, 1.2, 0.0, 0.8, 0.0])
+    target = sa.Target(
+        sa.Bus(60.0, size=(0.6, 0.6, 0.8)), start.tip * sa.pose((0.1, 0.0, 0.8)),
+        grapples={"ring": sa.pose((0, 0, -0.45))},
+    )  # fmt: skip
+    return sa.catch(start, target, window=(10, 10), wanted=1)
+
+
 RESULTS = {
     "ArmInfo": lambda: sa.arms()[0],
     "Attempt": lambda: plan().tried[0],
     "Barycentric": barycentric,
     "Bus": lambda: sa.Bus(12.0, size=(0.1, 0.2, 0.3)),
     "Capture": grasp,
+    "Catch": lambda: caught(),
     "Certificate": lambda: singular_set().is_free([0.1, 0.2], [0.2, 0.3]),
     "Certificate of a singularity": lambda: singular_set().is_free([0.1, -2.0], [0.1, 2.0]),
     "CollisionReport": lambda: sa.collision_check(configuration(), sa.Obstacle.sphere(9.0)),
@@ -154,8 +166,10 @@ RESULTS = {
     "Phase": lambda: sa.Phase(lambda _t, q, _dq: 0.0 * q, 1.0, sa.Release(), stop=["target"]),
     "Release": lambda: sa.Release(),
     "Integration": lambda: sa.Integration(rtol=1e-6, events=("target",)),
+    "Sampling": lambda: sa.Sampling(period=0.1, delay=0.02, rate_noise=[0.1, 0.2]),
     "PassiveJoint": lambda: sa.PassiveJoint(damping=0.1),
     "TrigPolynomial": lambda: sa.singularity_polynomial(arm()),
+    "Target": lambda: sa.Target(sa.Bus(9.0, size=(1, 1, 1)), grapples={"ring": sa.pose()}),
     "UncertainArm": lambda: unsure(),
     "VirtualManipulator": lambda: barycentric().virtual_manipulator,
     "WheelSizing": lambda: sa.size_wheels(arm(), tip_speed=0.1, samples=20),
@@ -208,6 +222,38 @@ def test_coefficients_of_a_polynomial_are_real_and_imaginary_parts():
     assert data["degrees"] == [2, 1]
     pairs = np.array(data["coefficients"])
     np.testing.assert_array_equal(pairs[..., 0] + 1j * pairs[..., 1], S.coefficients)
+
+
+GIVEN = {
+    "Bus", "Constraints", "DampedLeastSquares", "GeneralizedJacobianTask", "Grasp", "Integration",
+    "JointPD", "Joints", "MomentumConservation", "Obstacle", "PassiveJoint", "Phase", "Plant",
+    "Reactionless", "Release", "ResolvedRate", "Sampling", "Search", "SingularityBarrier", "Study",
+    "Task", "Tracking", "TransposedJacobian", "WheelHold",
+}  # fmt: skip
+ROWS = {"ArmInfo", "Attempt", "Configuration", "Event", "ModelInfo"}
+"""What a caller gives, and what stands in the tables of others, has no description of its own."""
+
+
+def test_every_result_is_described():
+    without = {n for n in sa.__all__ if inspect.isclass(c := getattr(sa, n))
+               and not issubclass(c, BaseException) and not hasattr(c, "describe")}  # fmt: skip
+    assert without == GIVEN | ROWS
+    for name, make in RESULTS.items():
+        if name.split()[0] not in without and isinstance(thing := make(), Described):
+            said = thing.describe()
+            assert said.title, name
+            assert said.verdict or said.tables, name
+            assert "<table>" in thing._repr_html_(), name
+            assert repr(thing).startswith(type(thing).__name__), name
+            print_result(thing)
+
+
+def test_a_class_without_a_description_is_not_made():
+    class Mute(Described):
+        pass
+
+    with pytest.raises(TypeError, match="abstract"):
+        Mute()
 
 
 KINDS = ("SpaceArm", "SingularityReport", "SingularSet", "FoundSet", "Motion", "Trajectory", "Plan")

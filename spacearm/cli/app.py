@@ -31,11 +31,11 @@ COMMANDS = {
     ),
     "mount": (
         "models.write_model",
-        "Write a robot of any format, or an arm on a bus (--bus-mass), as a URDF.",
+        "Write a robot of any format, or an arm on a bus (--bus), as a URDF.",
     ),
     "convert": (
         "models.write_model",
-        "Write a robot of any format, or an arm on a bus (--bus-mass), as a URDF.",
+        "Write a robot of any format, or an arm on a bus (--bus), as a URDF.",
     ),
     "query": (
         "queries.report_singularity",

@@ -17,6 +17,7 @@ from spacearm.cli.options import (
     configuration,
     on_a_model,
     radians,
+    to_write,
 )
 from spacearm.cli.output import out, print_result, working
 from spacearm.errors import ConfigurationError
@@ -51,10 +52,12 @@ def find_box(
     no_limits: NoLimits = False,
     mode: SpacecraftMode = Spacecraft.FREE,
     save: Annotated[
-        Path | None, typer.Option(help="Write the ranges to a TOML file.", metavar="TOML")
+        Path | None,
+        typer.Option(help="Write the ranges to a TOML file.", metavar="TOML", callback=to_write),
     ] = None,
     urdf: Annotated[
-        Path | None, typer.Option(help="Write the robot with the ranges as its joint limits.")
+        Path | None,
+        typer.Option(help="Write the robot with the ranges as its limits.", callback=to_write),
     ] = None,
     deg: bool = False,
     as_json: AsJson = False,

@@ -22,8 +22,9 @@ from spacearm.cli.options import (
     numbers,
     on_a_model,
     radians,
+    to_write,
 )
-from spacearm.cli.output import answer, check_picture, out, working
+from spacearm.cli.output import answer, out, working
 from spacearm.cli.questions import With, question, start_of
 from spacearm.cli.wording import NUMBER, join_numbers
 from spacearm.mission.attitudes import MARGIN, feasible_attitudes
@@ -64,7 +65,6 @@ def find_attitudes(
     from all. --with gives more of what sa.feasible_attitudes takes: start with its momentum, speed,
     refine, seed.
     """
-    check_picture(output)
     asked = question(more, "start", "speed", "refine", "seed", "length")
     anywhere = not q and "q" not in asked.inner("start").values
     near = np.zeros(arm.n) if anywhere else joint_values(arm, q, deg) if q else None
@@ -99,7 +99,6 @@ def report_reaction(
     as_json: AsJson = False,
 ) -> None:
     """Report what a motion does to the spacecraft, and what holding the attitude takes."""
-    check_picture(output)
     sight = None if camera is None else numbers("--camera", camera, 3)
     with working("computing reactions") as progress:
         found = reaction(Motion.load(motion, arm), camera=sight, progress=progress)
@@ -127,7 +126,6 @@ def size_wheels_of(
     as_json: AsJson = False,
 ) -> None:
     """Compute the momentum that wheels need to hold the attitude while the arm moves."""
-    check_picture(output)
     apart = radians(near, deg)
     with working("sizing wheels") as progress:
         found = size_wheels(
@@ -146,7 +144,10 @@ def size_wheels_of(
 def write_report(
     arm: SpaceArm,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="The page to write.", metavar="HTML")
+        Path,
+        typer.Option(
+            "--output", "-o", help="The page to write.", metavar="HTML", callback=to_write
+        ),
     ],
     q: JointValues = None,
     deg: bool = False,

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from spacearm.cli.options import AsJson, on_a_model
+from spacearm.cli.options import AsJson, assignments, on_a_model, si, to_write
 from spacearm.cli.output import (
     out,
     print_description,
@@ -76,10 +76,25 @@ def describe_model(
 def write_model(
     arm: SpaceArm,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="The URDF to write.", metavar="FILE")
+        Path,
+        typer.Option(
+            "--output", "-o", help="The URDF to write.", metavar="FILE", callback=to_write
+        ),
     ],
+    home: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Position at which a joint rests: where it is held if it does not count, and "
+            "where the viewer begins; may be repeated.",
+            metavar="JOINT=VALUE",
+        ),
+    ] = None,
+    deg: bool = False,
 ) -> None:
-    """Write a robot of any format, or an arm on a bus (--bus-mass), as a URDF."""
+    """Write a robot of any format, or an arm on a bus (--bus), as a URDF."""
+    known = arm.whole.joints
+    positions = assignments("--home", home).items()
+    arm = arm.with_home({name: si(known.get(name), q, deg) for name, q in positions})
     path = arm.to_urdf(output)
     for note in arm.notes:
         out.print(f"note: {note}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias, TypeVar
@@ -27,14 +28,15 @@ from spacearm.description.model_catalogue import (
 )
 from spacearm.description.readers import formats
 from spacearm.description.readers.source import Reading
-from spacearm.description.tree import Tree
-from spacearm.errors import ConfigurationError, listed, warn
-from spacearm.files import read
+from spacearm.description.tree import Tree, Wheels
+from spacearm.errors import ConfigurationError, SpaceArmError, listed, unknown, warn
+from spacearm.files import read, writable
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import pose
 from spacearm.model.loading import load, mount
 from spacearm.model.task import Task
 from spacearm.motion.goal import Goal, goal_of, goal_pose
+from spacearm.motion.motion_file import check_suffix
 
 T = TypeVar("T")
 Three: TypeAlias = tuple[float, float, float]
@@ -46,7 +48,7 @@ BUS_DENSITY = 200.0
 def complete_model(incomplete: str) -> list[tuple[str, str]]:
     """Return the catalogue's names that begin so, with what they are, for the shell's completion.
 
-    Arms without a spacecraft are among them: --bus-mass mounts them.
+    Arms without a spacecraft are among them: --bus mounts them.
     """
     known = [(info.name, info.summary) for info in catalogue()]
     known += [(info.name, info.summary) for info in arms()]
@@ -95,12 +97,23 @@ Checked = Annotated[
         metavar="error|warn|accept",
     ),
 ]
-BusMass = Annotated[
-    float | None,
-    typer.Option(help="Mount MODEL, an arm alone, on a bus of this mass [kg].", metavar="KG"),
+BusOption = Annotated[
+    str | None,
+    typer.Option(
+        "--bus",
+        "--bus-mass",
+        help="Mount MODEL, an arm alone, on a bus: a solid box of this mass [kg] and these edges "
+        "[m], or a robot file or catalogue name; after @ where its base is on it.",
+        metavar="KG|KG:X,Y,Z|FILE[@X,Y,Z[,R,P,Y]]",
+    ),
 ]
-BusSize = Annotated[
-    Three | None, typer.Option(help="Edges of that bus, a solid box [m].", metavar="X Y Z")
+WheelOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Take a joint as a momentum wheel, with these limits [N m], [N m s] or its own; may "
+        "be repeated.",
+        metavar="JOINT[=TORQUE,MOMENTUM]",
+    ),
 ]
 Arguments = Annotated[
     list[str] | None,
@@ -134,10 +147,37 @@ class Spacecraft(str, Enum):
 
 
 SpacecraftMode = Annotated[Spacecraft, typer.Option("--mode", help="What the spacecraft does.")]
+
+
+def to_write(path: Path | None) -> Path | None:
+    """Refuse a file that cannot be written, before anything is computed."""
+    if path is not None:
+        writable(path)
+    return path
+
+
+def _picture(path: Path | None) -> Path | None:
+    """Refuse a picture that cannot be written, or whose suffix is none of a picture."""
+    if path is not None and path.suffix.lower() not in PICTURES:
+        raise ConfigurationError(f"--output {path}: {unknown('suffix', path.suffix, PICTURES)}")
+    return to_write(path)
+
+
+def motion_to_write(path: Path | None) -> Path | None:
+    """Refuse the file of a motion that cannot be written."""
+    if path is not None:
+        check_suffix(path)
+    return to_write(path)
+
+
+PICTURES = (".png", ".svg", ".pdf")
 Picture = Annotated[
-    Path | None, typer.Option("--output", help="Picture: PNG, SVG or PDF by its suffix.")
+    Path | None,
+    typer.Option("--output", help="Picture: PNG, SVG or PDF by its suffix.", callback=_picture),
 ]
-Save = Annotated[Path | None, typer.Option(help="Write the motion.", metavar="NPZ")]
+Save = Annotated[
+    Path | None, typer.Option(help="Write the motion.", metavar="NPZ", callback=motion_to_write)
+]
 View = Annotated[bool, typer.Option("--view", help="Show it in the browser.")]
 Limits = Annotated[bool, typer.Option("--limits", help="Count joint limits.")]
 NoLimits = Annotated[bool, typer.Option("--no-limits", help="Ignore joint limits.")]
@@ -150,9 +190,9 @@ def arm_from(
     task: TaskRows = None,
     joints: Joints = "tip",
     lock: Lock = None,
+    wheel: WheelOption = None,
     check: Checked = None,
-    bus_mass: BusMass = None,
-    bus_size: BusSize = None,
+    bus: BusOption = None,
     arg: Arguments = None,
     package: PackageFolders = None,
     density: Density = None,
@@ -162,7 +202,8 @@ def arm_from(
 
     With a bus, MODEL is an arm alone, which is mounted on top of it.
     """
-    bus, locked = _described_bus(bus_mass, bus_size), assignments("--lock", lock)
+    wheels, locked = _wheels(wheel), assignments("--lock", lock)
+    carrier, at = (None, None) if bus is None else _described_bus(bus, deg)
     options: dict[str, Any] = {
         "check": check,
         "packages": package or (),
@@ -170,62 +211,75 @@ def arm_from(
         "density": density,
     }
     if deg and locked:
-        known = _tree_of(model, bus, options).joints
-        locked = {name: _si(known.get(name), value, deg) for name, value in locked.items()}
+        known = _tree_of(model, bus is not None, options).joints
+        locked = {name: si(known.get(name), value, deg) for name, value in locked.items()}
     options["joints"] = joints if joints in ("tip", "all") else joints.split(",")
+    rows, sign, length = (task or "").partition("/")
+    scale = _number(length) if sign else None
+    if rows:
+        options["task"] = Task(rows, scale)
     tips = tip.split(",") if tip and "," in tip else tip
-    if bus is None:
-        arm = load(model, tip=tips, locked=locked, **options)
+    if carrier is None:
+        arm = load(model, tip=tips, locked=locked, wheels=wheels, **options)
     elif model in models_by_name():
         raise ConfigurationError(
-            f"--bus-mass mounts an arm alone, and {model} has a spacecraft; leave it out"
+            f"--bus mounts an arm alone, and {model} has a spacecraft; leave it out"
         )
     elif isinstance(tips, list):
         raise ConfigurationError("--tip names several links; an arm on a new bus has one tip")
     else:
-        arm = mount(model, bus, tip=tips, locked=locked, **options)
-    if task is None:
-        return arm
-    rows, sign, length = task.partition("/")
-    return arm.replace(task=Task(rows or arm.task.names, _number(length) if sign else None))
+        arm = mount(model, carrier, at, tip=tips, locked=locked, **options)
+        arm = arm.replace(wheels=wheels) if wheels else arm
+    return arm.replace(task=Task(arm.task.names, scale)) if sign and not rows else arm
 
 
-def _described_bus(mass: float | None, size: Three | None) -> Bus | None:
-    """Return the bus that the options describe; None if they name none.
+def _described_bus(text: str, deg: bool) -> tuple[Bus | str, pin.SE3 | None]:
+    """Return the box that the option describes, or the file or name of a spacecraft, and the place.
 
     Raises:
-        ConfigurationError: A size is given without a mass.
-        ModelError: No bus can have them.
+        ConfigurationError: The edges are not three numbers, or the place not three or six.
+        ModelError: No bus can have this mass and these edges.
 
     Warns:
         ModelWarning: The size was assumed.
     """
-    if mass is None:
-        if size is not None:
-            raise ConfigurationError("--bus-size needs --bus-mass KG")
-        return None
-    if size is None:
-        edge = round(float(np.cbrt(max(mass, 0.0) / BUS_DENSITY)), 3) or 0.001
-        size = (edge, edge, edge)
-        warn(
-            f"the bus of {mass:g} kg is taken as a solid cube of {edge:g} m, at {BUS_DENSITY:g} "
-            "kg/m^3, with the arm on its +z face; --bus-size X Y Z gives another"
-        )
-    return Bus(mass=mass, size=size)
+    what, at, place = text.rpartition("@")
+    where = None
+    if at and "/" not in place:
+        xyz, rpy = place.split(",")[:3], place.split(",")[3:] or ["0"] * 3
+        given = numbers("--bus ...@X,Y,Z,R,P,Y", ",".join(xyz + rpy), 6)
+        where = pose(given[:3], np.radians(given[3:]) if deg else given[3:])
+    else:
+        what = text
+    number, _, edges = what.partition(":")
+    try:
+        mass = float(number)
+    except ValueError:
+        return what, where
+    if edges:
+        return Bus(mass=mass, size=numbers("--bus KG:X,Y,Z", edges, 3)), where
+    edge = round(float(np.cbrt(max(mass, 0.0) / BUS_DENSITY)), 3) or 0.001
+    warn(
+        f"the bus of {mass:g} kg is taken as a solid cube of {edge:g} m, at {BUS_DENSITY:g} "
+        f"kg/m^3, with the arm on its +z face; --bus {number}:X,Y,Z gives another"
+    )
+    return Bus(mass=mass, size=(edge, edge, edge)), where
 
 
-def _tree_of(model: str, bus: Bus | None, options: dict[str, Any]) -> Tree:
+def _wheels(texts: list[str] | None) -> Wheels:
+    """Parse JOINT or JOINT=TORQUE,MOMENTUM, as often as given."""
+    pairs = [text.partition("=") for text in texts or []]
+    limits = {name: numbers(f"--wheel {name}", both, 2) for name, _, both in pairs if both}
+    return {**dict.fromkeys((name for name, _, _ in pairs), ()), **limits}
+
+
+def _tree_of(model: str, alone: bool, options: dict[str, Any]) -> Tree:
     """Read the tree of a model, without warnings: they come when it is loaded."""
-    reading = {**options, "check": "accept"}
+    reading = replace(Reading.of(**{**options, "check": "accept"}), spacecraft=False)
+    info, known = (None, find_arm(model)) if alone else (find_model(model), None)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        if bus is not None:
-            known = find_arm(model)
-            path = known.path if known else Path(model)
-            sound = Reading.of(**reading)
-            return formats.read(path, Reading(**{**vars(sound), "spacecraft": False}))
-        info = find_model(model)
-        return assembled(info) if info else formats.read(model, Reading.of(**reading))
+        return assembled(info) if info else formats.read(known.path if known else model, reading)
 
 
 def _arguments(texts: list[str] | None) -> dict[str, str]:
@@ -252,6 +306,13 @@ def on_a_model(command: Callable[..., T]) -> Callable[..., T]:
     parameters = first | own | shared | last
 
     def run(**given: Any) -> T:
+        if given.get("output", "") is None and not any(map(given.get, ("as_json", "view", "npz"))):
+            try:
+                writable(Path("picture.png"))
+            except SpaceArmError as error:
+                raise ConfigurationError(
+                    f"{error}; name another place for the picture by --output, or give --json"
+                ) from None
         deg = {"deg": given["deg"]} if told_deg else {}
         arm = arm_from(**{name: given.pop(name) for name in shared})
         return command(arm=arm, **given, **deg)
@@ -281,7 +342,7 @@ def joint_values(arm: SpaceArm, words: Sequence[str | float], deg: bool) -> Arra
             f"{len(values)} joint values given; {arm.name} needs {arm.n}: {listed(arm.joint_names)}"
         )
     joints = [arm.tree.joints[name] for name in arm.joint_names]
-    return np.array([_si(joint, q, deg) for joint, q in zip(joints, values, strict=True)])
+    return np.array([si(joint, q, deg) for joint, q in zip(joints, values, strict=True)])
 
 
 def configuration(
@@ -369,7 +430,7 @@ def table_of(path: Path, what: str) -> tuple[list[str], Array]:
     return names, np.array([words for _, words in lines], dtype=np.float64)
 
 
-def _si(joint: Joint | None, value: float, deg: bool) -> float:
+def si(joint: Joint | None, value: float, deg: bool) -> float:
     """Return the value in radians, or in metres for prismatic joints."""
     return float(np.radians(value)) if deg and joint and joint.kind != "prismatic" else value
 

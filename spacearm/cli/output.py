@@ -29,7 +29,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from spacearm.cli.wording import INTERRUPTED, in_own_words
-from spacearm.errors import UNPRINTABLE, ConfigurationError, StoppedError, printable, unknown
+from spacearm.errors import UNPRINTABLE, StoppedError, printable
 from spacearm.files import name_part, write
 from spacearm.results import Angles, Description, Tone
 
@@ -71,7 +71,6 @@ FIRST, EVERY = 2.0, 10.0
 STYLES: Mapping[Tone, str] = {
     "": "", "good": "bold green", "caution": "bold yellow", "bad": "bold red"
 }  # fmt: skip
-PICTURES = (".png", ".svg", ".pdf")
 
 
 @contextmanager
@@ -139,12 +138,6 @@ def _so_far(percentage: float, since: float) -> str:
     if percentage <= 0.0:
         return f"{took:.0f} s so far"
     return f"{percentage:.0f} %, about {took * (100.0 / percentage - 1.0):.0f} s left"
-
-
-def check_picture(path: Path | None) -> None:
-    """Refuse a picture with an unknown suffix, before anything is computed."""
-    if path and path.suffix.lower() not in PICTURES:
-        raise ConfigurationError(f"--output {path}: {unknown('suffix', path.suffix, PICTURES)}")
 
 
 def answer(

@@ -21,10 +21,11 @@ from spacearm.cli.options import (
     goal_from,
     joint_values,
     mark_of,
+    motion_to_write,
     on_a_model,
     table_of,
 )
-from spacearm.cli.output import answer, check_picture, err, working
+from spacearm.cli.output import answer, err, working
 from spacearm.cli.questions import (
     With,
     constraints_of,
@@ -47,7 +48,6 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.frames import pose
 from spacearm.motion.following import follow
 from spacearm.motion.goal import Goal, goal_of
-from spacearm.motion.motion_file import check_suffix
 from spacearm.planning.planner import detumble, plan
 from spacearm.planning.request import Joints
 from spacearm.planning.result import Plan
@@ -72,7 +72,11 @@ Obstacles = Annotated[
 ]
 SavePlan = Annotated[
     Path | None,
-    typer.Option(help="Write the plan; where none is found, the best attempt.", metavar="NPZ"),
+    typer.Option(
+        help="Write the plan; where none is found, the best attempt.",
+        metavar="NPZ",
+        callback=motion_to_write,
+    ),
 ]
 Fastest = Annotated[
     bool,
@@ -111,9 +115,6 @@ def _command(solve: Callable[..., Plan], summary: str, *more_keys: str) -> Calla
         deg: bool = False,
         as_json: AsJson = False,
     ) -> int:
-        check_picture(output)
-        if save:
-            check_suffix(save)
         asked = question(more, *KEYS, *more_keys)
         start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
         target = _goal(arm, goal, asked, deg)
@@ -243,9 +244,6 @@ def follow_path(
     to the end. --with gives all else that sa.follow takes: start, origin, mode, speed, at_rest,
     limits.
     """
-    check_picture(output)
-    if save:
-        check_suffix(save)
     if path is None:
         raise ConfigurationError("there is no path; give --path FILE, a CSV file")
     asked = question(more, "start", *FOLLOWED)

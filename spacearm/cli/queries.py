@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import Enum
 from io import BytesIO
 from pathlib import Path
@@ -25,10 +26,10 @@ from spacearm.cli.options import (
     on_a_model,
     radians,
     table_of,
+    to_write,
 )
 from spacearm.cli.output import (
     answer,
-    check_picture,
     err,
     kept,
     out,
@@ -39,7 +40,6 @@ from spacearm.cli.output import (
 )
 from spacearm.errors import ConfigurationError, UnsupportedError, listed
 from spacearm.files import write
-from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import capture
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -47,22 +47,15 @@ from spacearm.model.joints import joint_name
 from spacearm.motion.motion import Motion
 from spacearm.polynomial.certificate import Certificate
 from spacearm.results import Description, Table, joint_measures
-from spacearm.singularities.abstract_set import prove_clear
+from spacearm.singularities.abstract_set import control_points, path_rows, prove_clear
 from spacearm.singularities.immaterial_masses import any_payload, payload_note
 from spacearm.singularities.map import SingularMap, singular_map
-from spacearm.singularities.nearest import angle
+from spacearm.singularities.nearest import angle, distances_found
 from spacearm.singularities.report import TOLERANCE, singularity
 from spacearm.singularities.sets import prove_regular, singular_set
 
 SINGULAR = 3
 """Exit code of --fail-on-singular."""
-PROOFS = {
-    "free": "meets no singularity: proven",
-    "singular": "meets a singularity",
-    "undecided": "comes too near to a singularity for a proof",
-}
-"""What the verdicts of a certificate mean."""
-
 Fail = Annotated[
     bool,
     typer.Option(
@@ -152,7 +145,8 @@ def check_path(
     as_json: AsJson = False,
 ) -> int:
     """Prove that straight joint motions from posture to posture meet no singularity."""
-    Q = _postures(arm, file, deg)
+    given = Motion.load(file, arm) if file.suffix == ".npz" else _postures(arm, file, deg)
+    Q, way = path_rows(arm, given), control_points(arm, given)
     with working("proving") as progress:
         proof = prove_regular(arm, Q, mode=mode.value, progress=progress)
         if proof is None:
@@ -161,10 +155,10 @@ def check_path(
                 "that mimic others; spacearm query looks at single postures"
             )
         wanted = radians(clearance, deg)
-        if wanted and proof:
-            clear = prove_clear(arm, mode.value, Q, wanted, progress=progress)
-            proof = clear._replace(margin=proof.margin)
-        distance = evaluate(arm, Q, ("distance",))["distance"] if mode == "free-floating" else None
+        if proof and (wanted or way.shape[1] > 2):  # a plan is flown between its rows
+            clear = prove_clear(arm, mode.value, way, wanted or 0.0, progress=progress)
+            proof = replace(clear, margin=proof.margin)
+        distance = distances_found(arm, mode.value, Q)
     outside = sorted({name for q in Q for name in arm.at(q).outside_limits})
     if as_json:
         facts = {"arm": arm, "certificate": proof, "outside_limits": outside}
@@ -180,12 +174,12 @@ def _described(
     mode: BaseMode,
     Q: Array,
     proof: Certificate,
-    distance: Array | None,
+    distance: Array,
     outside: list[str],
 ) -> Description:
     """Return what the proof of a path says."""
-    notes, tables = [payload_note(arm, mode)], []
-    verdict = PROOFS[proof.verdict]
+    said, notes, tables = proof.describe(), [payload_note(arm, mode)], []
+    verdict = said.verdict
     if proof.clearance:
         verdict = f"no singular posture within {angle(proof.clearance, down=True)}: proven"
     if proof.at is not None:
@@ -194,19 +188,13 @@ def _described(
         way = f"{about} the way from posture {first} to {first + 1}"
         at = joint_measures(proof.at, arm.slides)
         tables.append(Table.by_columns({"joint": arm.joint_names, way: at}))
-    if distance is not None:
-        worst = int(np.argmin(distance))
-        near = f"about {angle(float(distance[worst]))} from a singular posture, to first order"
+    worst = int(np.argmin(distance))
+    if np.isfinite(distance[worst]):
+        near = f"a singular posture found {angle(float(distance[worst]))} away"
         notes.append(f"nearest of the postures given: number {worst + 1}, {near}")
     limits = f"; outside their limits: {', '.join(outside)}" if outside else ""
-    return Description(
-        title=f"{arm.name}, {len(Q)} postures",
-        verdict=f"{verdict}{limits}",
-        tone="good" if proof.free else "bad",
-        notes=notes,
-        tables=tables,
-        not_checked="collisions, rates, the way of the tip",
-    )
+    title = f"{arm.name}, {len(Q)} postures"
+    return replace(said, title=title, verdict=f"{verdict}{limits}", notes=notes, tables=tables)
 
 
 def _postures(arm: SpaceArm, file: Path, deg: bool) -> Array:
@@ -242,7 +230,9 @@ def draw_singular_map(
         typer.Option(help="Position of another joint; may be repeated.", metavar="JOINT=VALUE"),
     ] = None,
     output: Picture = None,
-    npz: Annotated[Path | None, typer.Option(help="Write the numbers to a NumPy archive.")] = None,
+    npz: Annotated[
+        Path | None, typer.Option(help="Write the numbers to a NumPy archive.", callback=to_write)
+    ] = None,
     points: Annotated[
         int, typer.Option(help="Grid points along each joint.", min=3, max=2001)
     ] = 181,
@@ -253,7 +243,6 @@ def draw_singular_map(
 
     Ctrl-C keeps what there is.
     """
-    check_picture(output)
     fixed = {joint_name(arm, name): value for name, value in assignments("--fix", fix).items()}
     q = joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
     result, code = kept(

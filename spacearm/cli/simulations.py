@@ -19,7 +19,7 @@ from spacearm.cli.options import (
     on_a_model,
     task_rows,
 )
-from spacearm.cli.output import answer, check_picture, say_stopped, working
+from spacearm.cli.output import answer, say_stopped, working
 from spacearm.cli.questions import With, controller_of, question, start_of
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError
@@ -27,15 +27,14 @@ from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import LAWS, TipLaw
 from spacearm.motion.flights import Flight, simulate_phases
 from spacearm.motion.motion import Trajectory
-from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.plant import Integration
 from spacearm.motion.simulation import simulate
-from spacearm.sweeps.motion_tables import read_integration, read_phases, read_plant
+from spacearm.sweeps.motion_tables import read_integration, read_phases, read_plant, read_sampling
 from spacearm.sweeps.toml import Table
 
-PLAIN = ("mode", "origin", "stop", "period", "delay", "dq")
+PLAIN = ("mode", "origin", "stop", "dq")
 """Arguments of `simulate` that are taken from a table as they are."""
-OBJECTS = ("start", "controller", "duration", "plant", "integration")
+OBJECTS = ("start", "controller", "duration", "plant", "sampling", "integration")
 
 
 @on_a_model
@@ -69,13 +68,10 @@ def simulate_motion(
 ) -> int:
     """Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.
 
-    --with gives all that sa.simulate takes: start, controller, plant, integration, mode, origin,
-    stop, period, delay, dq; or [[phases]] of sa.simulate_phases. Ctrl-C ends the run and keeps what
-    there is.
+    --with gives all that sa.simulate takes: start, controller, plant, sampling, integration, mode,
+    origin, stop, dq; or [[phases]] of sa.simulate_phases. Ctrl-C ends the run and keeps what there
+    is.
     """
-    check_picture(output)
-    if save:
-        check_suffix(save)
     asked = question(more, *OBJECTS, *PLAIN, "phases")
     start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
     if "phases" in asked.values:
@@ -102,6 +98,7 @@ def simulate_motion(
             laws,
             seconds,
             plant=read_plant(asked.inner("plant")),
+            sampling=read_sampling(asked),
             integration=read_integration(asked.inner("integration"), Integration()),
             progress=progress,
             **options,

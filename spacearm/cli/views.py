@@ -7,7 +7,13 @@ from typing import Annotated
 
 import typer
 
-from spacearm.cli.options import Attitude, joint_values, on_a_model, spacecraft_pose
+from spacearm.cli.options import (
+    Attitude,
+    joint_values,
+    on_a_model,
+    spacecraft_pose,
+    to_write,
+)
 from spacearm.cli.output import out, serve_until_interrupted, undisturbed, working
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
@@ -47,20 +53,29 @@ def view_configuration(
         bool, typer.Option("--no-open", help="Serve the page, do not open a browser.")
     ] = False,
     save: Annotated[
-        Path | None, typer.Option(help="Write one self-contained page and exit.", metavar="HTML")
+        Path | None,
+        typer.Option(
+            help="Write one self-contained page and exit.", metavar="HTML", callback=to_write
+        ),
     ] = None,
     png: Annotated[
-        Path | None, typer.Option(help="Write a picture and exit.", metavar="PNG")
+        Path | None,
+        typer.Option(help="Write a picture and exit.", metavar="PNG", callback=to_write),
     ] = None,
     frames: Annotated[
         Path | None,
-        typer.Option(help="Write pictures of the motion, 30 a second, and exit.", metavar="ZIP"),
+        typer.Option(
+            help="Write pictures of the motion, 30 a second, and exit.",
+            metavar="ZIP",
+            callback=to_write,
+        ),
     ] = None,
     video: Annotated[
         Path | None,
         typer.Option(
             help="Write a video of the motion and exit; its name ends in .mp4, .webm or .gif.",
             metavar="FILE",
+            callback=to_write,
         ),
     ] = None,
     deg: bool = False,

@@ -21,7 +21,7 @@ from spacearm.cli.options import (
     radians,
     table_of,
 )
-from spacearm.cli.output import answer, check_picture, err, kept, say_stopped, working
+from spacearm.cli.output import answer, err, kept, say_stopped, working
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
@@ -71,7 +71,6 @@ def compute_workspace(
 
     Ctrl-C keeps what there is.
     """
-    check_picture(output)
     points = None if path is None else _points(path)
     tries = EFFORT if effort is None else effort
     result, code = kept(
@@ -124,7 +123,6 @@ def compute_risk(
 
     Ctrl-C keeps what there is.
     """
-    check_picture(output)
     profile, code = kept(
         "sampling",
         lambda progress: risk_profile(
@@ -155,7 +153,6 @@ def sweep_designs(
     as_json: AsJson = False,
 ) -> int:
     """Draw the path independent share over design parameters; Ctrl-C keeps what is done."""
-    check_picture(output)
     pairs = [text.partition("=") for text in vary]
     grid = {name: _values(name, values) for name, _, values in pairs}
     with working("designs") as progress:

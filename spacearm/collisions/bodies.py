@@ -80,7 +80,7 @@ class Bodies:
     def _add(self, arm: SpaceArm, link: str) -> bool:
         """Add the shapes of a link; return whether it has any."""
         shapes = arm.tree.visuals.get(link, Visuals())
-        if found := list(collision_solids(arm, link, shapes)):
+        if found := list(collision_solids(arm.path, link, shapes)):
             self.by_collision.append(link)
         elif found := list(visual_solids(shapes)):
             self.by_visual.append(link)

@@ -9,7 +9,7 @@ from functools import cached_property
 from itertools import pairwise
 from numbers import Real
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import coal
 import numpy as np
@@ -18,10 +18,11 @@ import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array, finite, plain, positive, read_only, shape_of
 from spacearm.collisions.bodies import Bodies, Body, extent
-from spacearm.collisions.solids import hull, primitive
+from spacearm.collisions.solids import hull, link_solids, primitive
 from spacearm.collisions.swept_motion import helix
-from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere, read_mesh
+from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere, Visuals, read_mesh
 from spacearm.errors import ConfigurationError, ModelError, unknown
+from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.motion.motion import Motion
@@ -103,6 +104,25 @@ class Drifting(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Tumbling:
+    """The frame of a target.
+
+    Attributes:
+        target: The target.
+    """
+
+    target: Target
+
+    def frames(self, t: float) -> Sequence[pin.SE3]:
+        """Return its pose at a time."""
+        return (self.target.at(t).pose,)
+
+    def moved(self, part: Part | Body, t0: float, t1: float) -> float:
+        """Return the way by its drift and its turn."""
+        return self.target.moved(part.far, t0, t1)
+
+
+@dataclass(frozen=True)
 class Moving:
     """The joint frames of a robot on a motion; frame 1 is its spacecraft. At its ends it rests.
 
@@ -148,20 +168,21 @@ def joint_frames(cfg: Configuration) -> list[pin.SE3]:
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Obstacle:
-    """A body not to be met, made by `Obstacle.box`, `.sphere`, `.cylinder`, `.mesh` or `.robot`.
+    """A body not to be met: `Obstacle.box`, `.sphere`, `.cylinder`, `.mesh`, `.robot`, `.target`.
 
     Poses are given in the inertial frame, the one of `base` and of goals. Time is that of the
     motion: an obstacle that moves is at `pose` when the motion begins, or where its own motion is.
 
     Attributes:
         name: What it is called in answers.
-        kind: "box", "sphere", "cylinder", "mesh" or "robot".
-        shape: The shape about the origin of `pose`; None for a robot.
+        kind: "box", "sphere", "cylinder", "mesh", "robot" or "target".
+        shape: The shape about the origin of `pose`; None for a robot or a target.
         pose: Where it is at the start; for one that is carried along, in the frame that carries it.
         twist: (6,) its velocity, [linear [m/s]; angular [rad/s]] of the origin of its frame in
             inertial axes, steady.
         along: The motion that carries it with its spacecraft, or the motion of the robot itself.
         posture: The configuration of a robot that does not move.
+        target: The target that it is.
         margin: Distance that every body must keep from it [m].
         may_touch: Links of the arm that are not held off, such as the hand that is to grasp it.
     """
@@ -173,6 +194,7 @@ class Obstacle:
     twist: Array = field(default_factory=lambda: np.zeros(6))
     along: Motion | None = None
     posture: Configuration | None = None
+    target: Target | None = None
     margin: float = 0.0
     may_touch: tuple[str, ...] = ()
 
@@ -258,6 +280,22 @@ class Obstacle:
         return cls._of("robot", None, ORIGIN, {"name": thing.arm.name} | options, **moving)
 
     @classmethod
+    def of_target(cls, target: Target, **options: Any) -> Obstacle:
+        """Return a target that drifts and tumbles, with all its shapes.
+
+        Args:
+            target: The target.
+            **options: `name`, `margin` and `may_touch`, as for `box`.
+
+        Raises:
+            ConfigurationError: An argument does not make sense.
+            ModelError: It has no shape, or one is faulty.
+        """
+        if not isinstance(target, Target):
+            raise ConfigurationError(f"target is a {type(target).__name__}; give a sa.Target")
+        return cls._of("target", None, ORIGIN, {"name": target.name} | options, target=target)
+
+    @classmethod
     def _of(
         cls, kind: str, geometry: Any, pose: PoseLike, options: dict[str, Any], **moving: Any
     ) -> Obstacle:
@@ -292,7 +330,7 @@ class Obstacle:
     @property
     def moves(self) -> bool:
         """Whether it moves."""
-        return self.along is not None or bool(self.twist.any())
+        return bool(self.along or self.target or self.twist.any())
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
@@ -312,6 +350,15 @@ class Obstacle:
                 )
                 for body in bodies
             )
+        if self.target is not None:
+            return tuple(
+                Part(link, solid, at, 0, {}, extent(at, solid))
+                for link, frame in self.target.tree.frames.items()
+                for solid, pose in link_solids(
+                    self.name, link, self.target.tree.visuals.get(link, Visuals())
+                )
+                for at in (frame * pose,)
+            )
         frame = 0 if self.along is None else 1
         return tuple(
             Part("", solid, pose, frame, {}, extent(pose, solid)) for solid, pose in self._solids()
@@ -322,6 +369,8 @@ class Obstacle:
         """What moves its frames."""
         if self.along is not None:
             return Moving(self.along)
+        if self.target is not None:
+            return Tumbling(self.target)
         if self.posture is not None:
             return Still(tuple(joint_frames(self.posture)))
         if self.twist.any():
@@ -368,6 +417,7 @@ class Obstacle:
             "twist": plain(self.twist),
             "along": None if self.along is None else plain(self.along.t[-1] - self.along.t[0]),
             "posture": None if self.posture is None else plain(self.posture),
+            "target": None if self.target is None else plain(self.target),
             "margin": self.margin,
             "may_touch": list(self.may_touch),
         }
@@ -378,21 +428,27 @@ class Obstacle:
         return f"Obstacle({self.name}: {self.kind}{moving}{kept})"
 
 
+ObstacleLike: TypeAlias = Obstacle | Target | Configuration | Motion
+"""What must not be met: an obstacle, a target, or the posture or motion of another robot."""
+
+
 def obstacles_of(given: object, arm: SpaceArm) -> tuple[Obstacle, ...]:
-    """Return the obstacles that a caller gave: one or several, a posture or motion as a robot.
+    """Return the obstacles that a caller gave: one or several, targets, postures and motions too.
 
     Raises:
         ConfigurationError: One is none, or names a link that the arm does not have.
     """
-    one = isinstance(given, Obstacle | Configuration | Motion)
+    one = isinstance(given, Obstacle | Configuration | Motion | Target)
     found = []
     for thing in given if isinstance(given, Sequence) and not one else [given]:
         if isinstance(thing, Configuration | Motion):
             thing = Obstacle.robot(thing)
+        if isinstance(thing, Target):
+            thing = Obstacle.of_target(thing)
         if not isinstance(thing, Obstacle):
             raise ConfigurationError(
                 f"obstacles holds a {type(thing).__name__}; give sa.Obstacle.box(...), .sphere, "
-                ".cylinder, .mesh or .robot, or a configuration or motion of another robot"
+                ".cylinder, .mesh or .robot, a sa.Target, or a configuration or motion of a robot"
             )
         for link in thing.may_touch:
             if link not in arm.tree.links:

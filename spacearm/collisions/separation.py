@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.collisions.bodies import Geometry, own_pairs
-from spacearm.collisions.obstacles import Obstacle, obstacles_of
+from spacearm.collisions.obstacles import Obstacle, ObstacleLike, obstacles_of
 from spacearm.collisions.swept_motion import (
     Floating,
     InJointSpace,
@@ -322,7 +322,7 @@ class CollisionReport(Result):
 @checked
 def collision_check(
     thing: Configuration | Motion,
-    obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion] = (),
+    obstacles: ObstacleLike | Sequence[ObstacleLike] = (),
     *,
     progress: Callable[[float, float], object] | None = None,
 ) -> CollisionReport:

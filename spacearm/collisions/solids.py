@@ -25,7 +25,6 @@ from spacearm.description.shapes import (
     read_mesh,
 )
 from spacearm.errors import ModelError
-from spacearm.model.arm import SpaceArm
 
 FLAT = 1e-9
 """Thickness below which a mesh counts as flat, as a share of its length."""
@@ -37,8 +36,24 @@ PRIMITIVES = {Box: coal.Box, Sphere: coal.Sphere, Cylinder: coal.Cylinder}
 WITHOUT = "correct that, or plan with collisions=False to do without"
 
 
+def link_solids(
+    where: object, link: str, shapes: Visuals
+) -> list[tuple[coal.CollisionGeometry, pin.SE3]]:
+    """Return the collision geometry of a link, or its visuals where it has none that can be read.
+
+    Args:
+        where: The file or robot that it is part of, for errors.
+        link: Its name.
+        shapes: Its shapes.
+
+    Raises:
+        ModelError: A collision geometry is faulty.
+    """
+    return list(collision_solids(where, link, shapes)) or list(visual_solids(shapes))
+
+
 def collision_solids(
-    arm: SpaceArm, link: str, shapes: Visuals
+    where: object, link: str, shapes: Visuals
 ) -> Iterator[tuple[coal.CollisionGeometry, pin.SE3]]:
     """Yield the collision geometry of a link; missing meshes are passed over.
 
@@ -53,11 +68,11 @@ def collision_solids(
                 try:
                     yield hull(file.name, read_mesh(file).vertices * scale), shape.pose
                 except ModelError as error:
-                    where = f"{arm.path}: {error}, in a collision of link {link!r}"
-                    raise ModelError(f"{where}; {WITHOUT}") from None
+                    message = f"{where}: {error}, in a collision of link {link!r}"
+                    raise ModelError(f"{message}; {WITHOUT}") from None
             case _ if min(_lengths(shape), default=1.0) <= 0.0:
                 lengths = f"link {link!r} has a collision of lengths {_lengths(shape)}"
-                raise ModelError(f"{arm.path}: {lengths}; give positive lengths: {WITHOUT}")
+                raise ModelError(f"{where}: {lengths}; give positive lengths: {WITHOUT}")
             case _:
                 yield from primitive(shape)
 

@@ -148,6 +148,7 @@ class Joint:
         slid: Displacement at which a prismatic joint was locked [m]; the origin includes it.
         damping: Viscous friction [N m s/rad] or [N s/m].
         friction: Dry friction [N m] or [N].
+        home: Where the joint rests [rad] or [m]; see `rest`.
     """
 
     name: str
@@ -164,6 +165,7 @@ class Joint:
     slid: float = 0.0
     damping: float = 0.0
     friction: float = 0.0
+    home: float = 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return type, links, limits and leader as plain data; limits it does not have are None."""
@@ -184,8 +186,8 @@ class Joint:
 
     @property
     def rest(self) -> float:
-        """Where the joint is held if it does not count [rad] or [m]: at 0 or the nearest limit."""
-        return min(max(0.0, self.lower), self.upper)
+        """Where the joint is held if it does not count [rad] or [m]: at home or a limit."""
+        return min(max(self.home, self.lower), self.upper)
 
     @property
     def effort_unit(self) -> str:

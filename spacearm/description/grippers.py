@@ -3,8 +3,9 @@
 A finger is a short, light branch behind a body that an arm moves, its palm. Lengths count relative
 to the arm and masses relative to what the arm moves, so that units do not matter. What tells
 fingers from a wrist: one branch moves as another does (mimic joints), two slide along parallel
-axes, branches are alike, or they are named so. A single moving jaw is told by its name, or by a
-frame for a tool on the body that it is hinged to.
+axes, no branch has more joints than all others or is longer than two that are alike, or they are
+named so. A single moving jaw is told by its name, or by a frame for a tool on the body that it is
+hinged to.
 """
 
 from __future__ import annotations
@@ -19,13 +20,16 @@ import pinocchio as pin
 
 from spacearm.description.bodies import Joint
 from spacearm.description.tree import Tree
+from spacearm.errors import listed
 
 SHORT = 0.4
 """Longest finger, as a share of the way from the first joint of the arm to it."""
-LIGHT = 0.4
+LIGHT = 1.0
 """Heaviest set of fingers, as a share of the mass that the arm moves up to them."""
-MOST_JOINTS = 5
-"""Most joints of a finger that no name tells, as a thumb has; an arm may have more."""
+MOST_JOINTS = (3, 5)
+"""Most joints of a finger that no name tells: of two fingers, of more, as a thumb has.
+
+An arm may have more."""
 ALIKE = 1.5
 """Largest ratio of the lengths of branches that are alike."""
 
@@ -38,6 +42,21 @@ def fingers(tree: Tree) -> dict[str, tuple[str, ...]]:
     return _Grippers(tree).found
 
 
+def held_fingers(tree: Tree, tips: Iterable[str], held: Collection[str]) -> tuple[str, ...]:
+    """Say which of the joints that are held are fingers behind the tips, a sentence a gripper."""
+    said, palms = [], fingers(tree) if held else {}
+    for palm in dict.fromkeys(tree.body_of[tip] for tip in tips):
+        first = set(palms.get(palm, ()))
+        ways = {name: tree.chain(tree.joints[name].child) for name in held}
+        if names := [name for name, way in ways.items() if first & {j.name for j in way}]:
+            parent = tree.joints[min(first)].parent
+            said.append(
+                f"the fingers on {parent!r} are held ({listed(names)}); to take one of them as the "
+                'tip name its link with tip=LINK, to let all joints count give joints="all"'
+            )
+    return tuple(said)
+
+
 class _Branch:
     """What moves behind one joint.
 
@@ -46,12 +65,11 @@ class _Branch:
         joints: All movable joints behind it, itself included.
         links: The links that they move.
         mass: Their mass [kg].
-        extent: Longest way from the joint to a centre of mass or a frame [m], strokes included.
+        extent: Longest way from the joint to a centre of mass or a frame [m].
     """
 
     def __init__(self, tree: Tree, first: Joint, behind: Sequence[_Branch]) -> None:
         part = tree.links[first.child]
-        stroke = first.upper - first.lower if first.kind == "prismatic" else 0.0
         reach = max((_length(b.first.origin) + b.extent for b in behind), default=0.0)
         self.first: Joint = first
         self.joints: list[Joint] = [first] if first.movable else []
@@ -59,7 +77,12 @@ class _Branch:
         self.links: list[str] = [first.child, *(link for b in behind for link in b.links)]
         self.mass: float = sum((b.mass for b in behind), 0.0 if part is None else part.mass)
         self.extent: float = max(reach, 0.0 if part is None else _length(part.origin))
-        self.extent += stroke if math.isfinite(stroke) else 0.0
+
+    @property
+    def stroke(self) -> float:
+        """How far the first joint slides [m]; 0 without limits."""
+        stroke = self.first.upper - self.first.lower if self.first.kind == "prismatic" else 0.0
+        return stroke if math.isfinite(stroke) else 0.0
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
@@ -86,40 +109,49 @@ class _Grippers:
 
     def _are_fingers(self, palm: str, branches: Sequence[_Branch]) -> bool:
         """Whether what moves behind a body is fingers, by its names or its shape."""
-        if not self._short(palm, branches) or any(self._have_tip(b.links) for b in branches):
+        short = SHORT * self._way(palm, branches)
+        if max(branch.extent for branch in branches) > short or self._have_tool(branches):
             return False
         names = [name for b in branches for name in (b.first.name, b.first.child)]
         if any(is_finger(name, self._common) for name in names):
             return True
-        if max(sum(j.mimic is None for j in b.joints) for b in branches) > MOST_JOINTS:
+        joints = [sum(j.mimic is None for j in b.joints) for b in branches]
+        if max(joints) > MOST_JOINTS[len(branches) > 2]:
             return False
         if len(branches) == 1:
-            told = self._jaw(palm, branches[0])
+            told = branches[0].stroke <= short and self._jaw(palm, branches[0])
         else:
-            told = self._coupled(branches) or self._opposing(branches) or _alike(branches)
+            told = joints.count(max(joints)) > 1 or _led_by_a_pair(branches)
+            told = told or self._coupled(branches) or self._opposing(branches)
         return told and self._light(palm, branches)
 
-    def _short(self, palm: str, branches: Sequence[_Branch]) -> bool:
-        """Whether the branches are short beside the arm."""
+    def _way(self, palm: str, branches: Sequence[_Branch]) -> float:
+        """Return the length of the arm up to the farthest joint of the branches [m]."""
         frames = self._tree.frames
         palms = (frames[palm].actInv(frames[branch.first.child]) for branch in branches)
-        way = self._tree.way_to(palm) + max(map(_length, palms))
-        return max(branch.extent for branch in branches) <= SHORT * way
+        return self._tree.way_to(palm) + max(map(_length, palms))
 
     def _light(self, palm: str, branches: Sequence[_Branch]) -> bool:
         """Whether the branches are light beside what the first joint of the arm moves."""
         first, mass = self._tree.movable(palm)[0], sum(branch.mass for branch in branches)
         return mass <= LIGHT * (self._branches[first.name].mass - mass)
 
-    def _have_tip(self, links: Sequence[str]) -> bool:
-        """Whether links have one that is named as a tip."""
-        return any(tip_rank(link, self._common) is not None for link in links)
+    def _tip_rank(self, links: Sequence[str]) -> int | None:
+        """Return how surely one of some links is named as a tip; None if none is."""
+        ranks = (tip_rank(link, self._common) for link in links)
+        return min((rank for rank in ranks if rank is not None), default=None)
+
+    def _have_tool(self, branches: Sequence[_Branch]) -> bool:
+        """Whether a branch has a tip by name, and not each of several branches the same."""
+        ranks = [self._tip_rank(branch.links) for branch in branches]
+        return ranks != [ranks[0]] * max(2, len(ranks)) and ranks.count(None) < len(ranks)
 
     def _jaw(self, palm: str, branch: _Branch) -> bool:
         """Whether the only branch behind a body is a jaw, whose name does not say so."""
         if len(branch.joints) > 1 or not self._hinged(branch.first):
             return False
-        return self._have_tip(self._lumps[palm]) or grasps(branch.first.name, self._common)
+        named = self._tip_rank(self._lumps[palm]) is not None
+        return named or grasps(branch.first.name, self._common)
 
     def _hinged(self, joint: Joint) -> bool:
         """Whether a joint opens and closes: less than half a turn, what it moves off its axis."""
@@ -148,11 +180,11 @@ def _length(pose: pin.SE3) -> float:
     return float(np.linalg.norm(pose.translation))
 
 
-def _alike(branches: Sequence[_Branch]) -> bool:
-    """Whether all branches have the same kinds of joints and about the same length."""
-    extents = [branch.extent for branch in branches]
-    same = len({branch.kinds for branch in branches}) == 1
-    return same and max(extents) <= ALIKE * min(extents)
+def _led_by_a_pair(branches: Sequence[_Branch]) -> bool:
+    """Whether no branch is much longer than two that have the same kinds of joints and length."""
+    longest = max(branch.extent for branch in branches) / ALIKE
+    kinds = [branch.kinds for branch in branches if branch.extent >= longest]
+    return len(set(kinds)) < len(kinds)
 
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")

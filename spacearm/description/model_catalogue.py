@@ -258,8 +258,9 @@ def bolted(
     """
     known = find_arm(arm)
     path = known.path if known else formats.path_of(arm)
-    alone = replace(reading or Reading(), spacecraft=False)
-    tree = formats.read(known.path if known else arm, alone).locked(locked or {})
+    tips = (tip,) if tip else ()
+    alone = replace(reading or Reading(), spacecraft=False, locked=locked or {}, tips=tips)
+    tree = formats.read(known.path if known else arm, alone)
     asked = tip or (known.tip if known else None)
     chosen = choose_tips(tree, path, asked)
     tip = only_tip(chosen.links, tree.name)
@@ -274,7 +275,7 @@ def bolted(
     whole = whole.joined(frame, f"{name}.tip", f"{name}_{tip}", pin.SE3.Identity())
     found = () if asked else (f"the tip of {name} is {tip!r}: {chosen.reason}",)
     notes = (*whole.notes, *found)
-    return replace(whole, name=f"{bus.name}_{name}", tips=(name,), notes=notes)
+    return replace(whole, name=f"{bus.name}_{name}", tips=(f"{name}_{tip}",), notes=notes)
 
 
 def holding(tree: Tree, link: str, rigid: Inertial) -> Tree:

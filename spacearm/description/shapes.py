@@ -7,7 +7,7 @@ import logging
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
@@ -119,6 +119,21 @@ class Shape(NamedTuple):
         pose = pin.SE3(self.pose.rotation, factor * self.pose.translation)
         return self._replace(pose=pose, geometry=_scaled(self.geometry, factor))
 
+    def reach(self) -> float:
+        """Return how far the shape reaches from the origin of the link [m].
+
+        Zero for meshes that would take long to read, or cannot be.
+        """
+        match self.geometry:
+            case Mesh(_, Path() as file, scale) if (ends := mesh_bounds(file)) is not None:
+                local = ends[np.indices((2, 2, 2)).reshape(3, -1).T, range(3)] * scale
+                points = local @ self.pose.rotation.T + self.pose.translation
+            case Mesh():
+                return 0.0
+            case _:
+                points = self.points()
+        return float(np.linalg.norm(points, axis=1).max(initial=0.0))
+
     def points(self) -> Array:
         """Return points (m, 3) in the link frame whose convex hull is the shape's [m].
 
@@ -222,10 +237,42 @@ def primitive(
 FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb")
 LARGEST_MESH = 10**8
 """Largest size of a mesh file [bytes]."""
+LARGEST_TEXT = 5 * 10**6
+"""Largest size of a mesh file in text that is read for its bounds alone [bytes]."""
 MOST_TRIANGLES = 10**7
 """Largest number of triangles of a mesh: a file may place one part any number of times."""
 MOST_NODES = 10_000
 """Largest number of nodes of a COLLADA scene."""
+
+
+def mesh_bounds(path: Path) -> Array | None:
+    """Return the least and the largest coordinates (2, 3) of an STL or OBJ file.
+
+    These have no unit. None for other formats, large files of text, and what cannot be read.
+    """
+    try:
+        if path.suffix.lower() not in (".stl", ".obj") or path.stat().st_size > LARGEST_MESH:
+            return None
+        return _bounds(path, path.stat().st_mtime_ns)
+    except (OSError, ValueError):
+        return None
+
+
+@lru_cache(maxsize=1024)
+def _bounds(path: Path, _: int) -> Array | None:
+    """Return the bounds of an STL or OBJ file, kept until it changes."""
+    content = read(path, LARGEST_MESH)
+    triangles = int.from_bytes(content[80:84], "little")
+    if path.suffix.lower() == ".stl" and len(content) == 84 + 50 * triangles:
+        fields = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
+        points = np.frombuffer(content, fields, offset=84)["corners"].reshape(-1, 3)
+    elif len(content) > LARGEST_TEXT:
+        return None
+    else:
+        lines = (line.split() for line in content.splitlines())
+        words = [line[1:4] for line in lines if line[:1] in ([b"v"], [b"vertex"])]
+        points = np.array(words, dtype=np.float64).reshape(-1, 3)
+    return np.stack((points.min(axis=0), points.max(axis=0))) if len(points) else None
 
 
 def read_mesh(path: Path) -> trimesh.Trimesh:

@@ -17,7 +17,15 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from lxml import etree
 
-from spacearm.description.grippers import fingers, is_hand, is_wheel, measures, shared, tip_rank
+from spacearm.description.grippers import (
+    fingers,
+    is_finger,
+    is_hand,
+    is_wheel,
+    measures,
+    shared,
+    tip_rank,
+)
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, listed, unknown
 
@@ -220,12 +228,23 @@ def _on(tree: Tree, common: Collection[str], body: str, begin: Sequence[str]) ->
         palm = _fork(tree, sorted(palms))
         return [_Candidate(palm, f"it is the last link before the fingers {held}", True, count)]
     leaves = [link for link in tree.leaves() if link in links and not measures(link)]
+    leaves = list(dict.fromkeys(_without_fingers(tree, common, leaf) for leaf in leaves))
     depth = {leaf: len(tree.chain(leaf)) for leaf in leaves or [body]}
     outer = _fork(tree, [leaf for leaf in depth if depth[leaf] == max(depth.values())])
     reason = "it is the last link" if outer in depth else "it is the last link before others branch"
     if (cargo := _cargo(tree, body, outer)) and cargo != outer:
         outer, reason = cargo, "it is the first link that outweighs the arm"
     return [_Candidate(outer, reason, False, count)]
+
+
+def _without_fingers(tree: Tree, common: Collection[str], link: str) -> str:
+    """Return the last link on the fixed way to a link that is not named as a finger, else it."""
+    for joint in reversed(tree.chain(link)):
+        if not is_finger(joint.child, common):
+            return joint.child
+        if joint.movable:
+            break
+    return link
 
 
 def _outermost(tree: Tree, links: Sequence[str]) -> list[str]:

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import count
 from numbers import Real
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, LEAST_MASS, Array, read_only
+from spacearm.arrays import LARGEST, LEAST_MASS, Array, finite, read_only
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.shapes import Visuals
 from spacearm.errors import ConfigurationError, ModelError, listed, unknown
 
+Wheels: TypeAlias = Collection[str] | Mapping[str, Sequence[float]]
+"""Joints of wheels, or their largest torque [N m] and momentum [N m s] by name."""
 ROOT_JOINT = "root_joint"
-"""Name of the free-flyer joint of the spacecraft; the one that Pinocchio's URDF reader uses."""
+"""Name of the spacecraft's free-flyer joint, as in Pinocchio's URDF reader; numbered if taken."""
 LEAST_LENGTH = 1e-6
 """Length of a link up to which it has none [m]."""
 
@@ -181,18 +184,57 @@ class Tree:
             values |= followers
         return self.with_joints(*(self.joints[name].frozen(at) for name, at in values.items()))
 
-    def with_wheels(self, names: Collection[str]) -> Tree:
+    def with_wheels(self, wheels: Wheels) -> Tree:
         """Return the tree with joints taken as the axles of momentum wheels.
 
+        Args:
+            wheels: Their names; or the largest torque [N m] and momentum [N m s] of each by name,
+                () where those of the joint count.
+
         Raises:
-            ConfigurationError: A joint does not exist, slides, mimics another or is mimicked.
+            ConfigurationError: A joint does not exist, slides, mimics another or is mimicked; or a
+                limit is not positive, or needs an inertia that the wheel does not have.
         """
         led = {joint.mimic.leader for joint in self.joints.values() if joint.mimic}
         turning = [j.name for j in self.leading() if j.kind != "prismatic" and j.name not in led]
-        for name in names:
+        turning += [joint.name for joint in self.joints.values() if joint.kind == "wheel"]
+        for name in wheels:
             if name not in turning:
                 raise ConfigurationError(f"wheels: {unknown('turning joint', name, turning)}")
-        return self.with_joints(*(replace(self.joints[name], kind="wheel") for name in names))
+        tree = self.with_joints(*(replace(self.joints[name], kind="wheel") for name in wheels))
+        limits = wheels.items() if isinstance(wheels, Mapping) else ()
+        return tree.with_joints(*(tree._limited_wheel(*both) for both in limits if len(both[1])))
+
+    def _limited_wheel(self, name: str, limits: Sequence[float]) -> Joint:
+        """Return a wheel with a largest torque [N m] and momentum [N m s]."""
+        torque, capacity = finite(limits, (2,), f"wheels: {name}", "torque [N m], momentum [N m s]")
+        moment = self.spin_inertia(self.joints[name])
+        if min(torque, capacity) <= 0.0:
+            raise ConfigurationError(
+                f"wheels: {name!r} has the limits {torque:g} N m and {capacity:g} N m s; give "
+                "positive ones"
+            )
+        if not moment:
+            raise ConfigurationError(f"wheels: {name!r} has no inertia to hold {capacity:g} N m s")
+        return replace(self.joints[name], effort=float(torque), velocity=float(capacity / moment))
+
+    def spin_inertia(self, wheel: Joint) -> float:
+        """Return the moment of inertia of all that a joint carries about its axis [kg m^2]."""
+        whole, _ = self.carried(wheel)
+        return float(wheel.axis @ whole.inertia @ wheel.axis)
+
+    def carried(self, joint: Joint) -> tuple[pin.Inertia, list[Joint]]:
+        """Return the inertia of all that a joint carries, in its frame, and the joints there."""
+        behind, inner = [joint.child], []
+        for other in self.depth_first():
+            if other.parent in behind:
+                behind.append(other.child)
+                inner += [] if other.kind == "fixed" else [other]
+        hub, whole = self.frames[joint.child], pin.Inertia.Zero()
+        for link in behind:
+            if part := self.links[link]:
+                whole += hub.actInv(self.frames[link]).act(part.spatial())
+        return whole, inner
 
     def movable(self, link: str | None = None) -> list[Joint]:
         """Return the joints that can move, those on the way to a link only if one is given."""
@@ -303,6 +345,25 @@ class Tree:
             raise ModelError(f"link {link!r} {why}; name one of: {names}")
         return part
 
+    def with_home(self, positions: Mapping[str, float]) -> Tree:
+        """Return the tree with other home positions of joints [rad] or [m].
+
+        Raises:
+            ConfigurationError: A joint does not exist or mimics another, or a position is beyond
+                its limits.
+        """
+        self.require_leading(positions, "home", "name")
+        moved = []
+        for name, value in positions.items():
+            joint = self.joints[name]
+            if not joint.lower <= value <= joint.upper:
+                raise ConfigurationError(
+                    f"home of joint {name!r} is {value}, its limits are {joint.lower:g} and "
+                    f"{joint.upper:g}; give a position between them"
+                )
+            moved.append(replace(joint, home=float(value)))
+        return self.with_joints(*moved)
+
     def with_mass(self, link: str, mass: float) -> Tree:
         """Return the tree with another mass of a link [kg], its inertia scaled in proportion.
 
@@ -398,7 +459,8 @@ class Tree:
         model = pin.Model()
         model.name = self.name
         model.gravity = pin.Motion.Zero()
-        root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), ROOT_JOINT)
+        name = free_name(ROOT_JOINT, self.joints.__contains__)
+        root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), name)
         home = {self.root: (root, pin.SE3.Identity())}
         for joint in self.depth_first():
             carrier, placement = home[joint.parent]

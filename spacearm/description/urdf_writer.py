@@ -85,6 +85,8 @@ def _joint(joint: Joint) -> etree._Element:
     )
     if joint.kind == "wheel":
         element.append(E.wheel())
+    if joint.home:
+        element.append(E.home(value=repr(float(joint.home))))
     if joint.kind != "fixed":
         element.append(E.axis(xyz=_text(joint.axis)))
         names = ("lower", "upper", "effort", "velocity")

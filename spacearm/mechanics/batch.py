@@ -186,10 +186,10 @@ def evaluate(
             (product of the singular values), "condition" (largest over least), "determinant"
             (equation (37); NaN unless the task has as many rows as the arm has joints) and "radius"
             (R of equation (43), distance of the tip from the system CM [m]); and, not by default
-            because they take the derivative of J*, "distance" (to the singular set [rad], far from
-            it to first order) and "away" (its gradient: the joint motion per radian of distance
-            that leads away), as in `SingularityReport`. Together these two take two to four times
-            as long as sigma_min: `python benchmarks/distance.py` prints it.
+            because they take the derivative of J*, "distance" (to the singular set, to first
+            order [rad]) and "away" (its gradient: the joint motion per radian of distance
+            that leads away), as by `singularity` without a search. Together these two take two to
+            four times as long as sigma_min: `python benchmarks/distance.py` prints it.
         out: Arrays to write to, memory maps included, for some or all of the quantities.
         threads: Number of threads; one per available processor if None.
         progress: Called as progress(done, m) after each block.
@@ -473,12 +473,6 @@ def columns_seen(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
     row, column = _units(arm, mode == "free-floating")
     found: Array = evaluated(arm, mode, measures.columns, {"q": Q}, once=True)
     return row[:, None] * found * column
-
-
-def unit_of_minors(arm: SpaceArm, mode: BaseMode, rows: Indices, columns: Indices) -> Array:
-    """Return the positive factors (c,) by which `minors` of an arm are scaled."""
-    row, column = _units(arm, mode == "free-floating")
-    return np.asarray(row[rows].prod() * column[columns].prod(axis=1))
 
 
 def tips_from_centre(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:

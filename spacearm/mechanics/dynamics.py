@@ -22,21 +22,30 @@ the kinetic energy, which therefore cannot grow. Braked joints add the constrain
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, NamedTuple, get_args
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, named
+from spacearm.arrays import Array, finite
 from spacearm.errors import ConfigurationError, ModelError, unknown
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
-from spacearm.results import Cell, Description, Measure, Result, Table, joint_measures
+from spacearm.results import (
+    Cell,
+    Column,
+    Description,
+    Measure,
+    Result,
+    Table,
+    joint_measures,
+    without_noise,
+)
 from spacearm.signatures import checked
 
 Wrenches = Mapping[str, npt.ArrayLike]
@@ -47,10 +56,13 @@ H_STAR = "the generalized inertia H*"
 D_LOCKED = "the locked inertia D about the system CM"
 
 
-class Dynamics(NamedTuple):
+@checked
+@dataclass(frozen=True, eq=False, repr=False)
+class Dynamics(Result):
     """Joint accelerations and torques of one state, with the spacecraft's motion.
 
     Attributes:
+        arm: The arm.
         ddq: (n,) joint accelerations [rad/s^2] or [m/s^2].
         tau: (n,) joint torques [N m] or forces [N].
         base_acceleration: (6,) acceleration of the spacecraft frame's origin, [linear [m/s^2];
@@ -61,15 +73,38 @@ class Dynamics(NamedTuple):
         twist: (6,) twist of the spacecraft in this state, inertial axes.
     """
 
+    arm: SpaceArm
     ddq: Array
     tau: Array
     base_acceleration: Array
     reaction: Array
     twist: Array
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain JSON data."""
-        return named(self)
+    def describe(self) -> Description:
+        """Describe accelerations, torques and the wrench that holds the spacecraft."""
+        slides = self.arm.slides
+        columns: dict[Column | str, Sequence[Cell]] = {
+            "joint": self.arm.joint_names,
+            "acceleration": joint_measures(self.ddq, slides, per="/s²"),
+            "torque or force": [
+                Measure(x, "N" if slide else "N m")
+                for x, slide in zip(without_noise(self.tau), slides, strict=True)
+            ],
+        }
+        facts: dict[str, Cell] = {
+            "acceleration": Measure(self.base_acceleration[:3], "m/s²"),
+            "angular acceleration": Measure(self.base_acceleration[3:], "rad/s²"),
+            "velocity": Measure(self.twist[:3], "m/s"),
+            "angular velocity": Measure(self.twist[3:], "rad/s"),
+            "force that holds it": Measure(self.reaction[:3], "N"),
+            "torque that holds it": Measure(self.reaction[3:], "N m"),
+        }
+        return Description(
+            title=f"{self.arm.name}, dynamics of one state",
+            notes=["inertial axes"],
+            tables=[Table.by_columns(columns), Table.facts(facts, "Spacecraft")],
+            not_checked="limits of joints and torques, collisions",
+        )
 
 
 @checked
@@ -285,7 +320,7 @@ def _dynamics(cfg: Configuration, v: Array, M: Array, c: Array, X: Array, ddq: A
     force[:f] = 0.0
     a[:3] += pin.skew(v[3:6]) @ v[:3]  # from spatial to classical acceleration
     acceleration, reaction, twist = in_inertial_axes(cfg, np.array((a[:6], force[:6], v[:6])))
-    return Dynamics(ddq, force[6:], acceleration, reaction, twist)
+    return Dynamics(cfg.arm, ddq, force[6:], acceleration, reaction, twist)
 
 
 def mass_matrix(cfg: Configuration) -> Array:

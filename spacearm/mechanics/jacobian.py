@@ -11,39 +11,62 @@ three linear ones if its attitude is controlled, none if it is fixed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, named
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.arrays import Array
+from spacearm.errors import ConfigurationError, listed, unknown
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
+from spacearm.results import Cell, Description, Measure, Result, Table, without_noise
 from spacearm.signatures import checked
 
 
-class MomentumMatrix(NamedTuple):
+@checked
+@dataclass(frozen=True, eq=False, repr=False)
+class MomentumMatrix(Result):
     """The centroidal momentum matrix [A_b A_q]: h = A_b v_b + A_q dq.
 
     h is the momentum [linear; angular about the system CM] in inertial axes. Spinning wheels add
     their own, `Configuration.stored`.
 
+    Iterating over it gives A_b and A_q.
+
     Attributes:
+        arm: The arm.
         A_b: (6, 6) acts on the spacecraft's twist in inertial axes [kg, kg m, kg m^2].
         A_q: (6, n) acts on the joint rates.
     """
 
+    arm: SpaceArm
     A_b: Array
     A_q: Array
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return both blocks as nested lists."""
-        return named(self)
+    def __iter__(self) -> Iterator[Array]:
+        return iter((self.A_b, self.A_q))
+
+    def describe(self) -> Description:
+        """Describe the momentum that unit velocities bring."""
+        columns = ("", *(f"v{a}" for a in "xyz"), *(f"w{a}" for a in "xyz"), *self.arm.joint_names)
+        names = [f"{of} {a}" for of in ("momentum", "angular momentum") for a in "xyz"]
+        blocks = np.hstack((self.A_b, self.A_q))
+        rows: list[list[Cell]] = [
+            [name, *map(float, without_noise(row))] for name, row in zip(names, blocks, strict=True)
+        ]
+        return Description(
+            title=f"{self.arm.name}, momentum of unit velocities",
+            notes=[
+                "[kg m/s] and [kg m²/s] about the system CM, of 1 m/s, 1 rad/s and unit joint "
+                "rates; inertial axes"
+            ],
+            tables=[Table(columns, rows)],
+        )
 
 
 @checked
@@ -74,7 +97,7 @@ def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
     A = cfg.A
     base = np.hstack((A[:, :3] @ R.T, A[:, 3:6] @ R.T))
     base.flags.writeable = False
-    return MomentumMatrix(base, A[:, 6:])
+    return MomentumMatrix(cfg.arm, base, A[:, 6:])
 
 
 @checked
@@ -172,23 +195,45 @@ def fixed_base_jacobian(cfg: Configuration) -> Array:
     return generalized_jacobian(cfg, mode="fixed")
 
 
-class PrescribedMotion(NamedTuple):
+@checked
+@dataclass(frozen=True, eq=False, repr=False)
+class PrescribedMotion(Result):
     """The tip's twist J dq + drift while some joints move at prescribed rates.
 
     Attributes:
+        arm: The arm.
         joints: The other joints, whose rates dq are free, in the model's order.
         jacobian: (6, m) their columns of J*, rows [linear; angular], inertial axes; stacked for
             several tips.
         drift: (6,) the tip's twist at dq = 0, from the prescribed rates and the momentum.
     """
 
+    arm: SpaceArm
     joints: tuple[str, ...]
     jacobian: Array
     drift: Array
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain JSON data."""
-        return named(self)
+    def describe(self) -> Description:
+        """Describe the tip's twist by the drift and unit rates of each free joint."""
+        names = ["velocity", "angular velocity"]
+        units = ["m/s", "rad/s"]
+        tips = self.arm.tips if len(self.arm.tips) > 1 else ("tip",)
+        rows: list[list[Cell]] = [
+            [f"{tip}, {name}", *(Measure(column, unit) for column in part)]
+            for tip, parts in zip(tips, self._parts(), strict=True)
+            for name, unit, part in zip(names, units, parts, strict=True)
+        ]
+        columns = ("", "drift", *(f"unit rate of {name}" for name in self.joints))
+        return Description(
+            title=f"{self.arm.name}, while other joints than {listed(self.joints)} are prescribed",
+            notes=["inertial axes; the twist of the tip is the drift and the free joints' part"],
+            tables=[Table(columns, rows)],
+        )
+
+    def _parts(self) -> Array:
+        """Return drift and columns by tip and part: (tips, 2, 1 + m, 3)."""
+        both = np.column_stack((self.drift, self.jacobian))
+        return both.reshape(-1, 2, 3, both.shape[1]).swapaxes(2, 3)
 
 
 @checked
@@ -231,7 +276,7 @@ def prescribed_motion(
     free = [name not in rates for name in arm.joint_names]
     names = tuple(name for name in arm.joint_names if name not in rates)
     drift = J @ dq + cfg.J[:, :f] @ np.linalg.solve(cfg.A[:f, :f], h)
-    return PrescribedMotion(names, J[:, free], drift)
+    return PrescribedMotion(arm, names, J[:, free], drift)
 
 
 @checked

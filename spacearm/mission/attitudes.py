@@ -32,8 +32,9 @@ from spacearm.mission.attitude_search import (
     volume,
 )
 from spacearm.mission.branches import HeldTip
+from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
-from spacearm.motion.following import Followed, Path, check_rows, follow, path_start, segments
+from spacearm.motion.following import Followed, Path, follow, path_start, segments
 from spacearm.motion.leading import Settings, table_of
 from spacearm.planning.many_curves import turning_axes
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
@@ -71,7 +72,7 @@ class FeasibleAttitudes(Result):
     Attributes:
         arm: The arm.
         path: The path, as it was given.
-        margin: Least distance to the singular set that is kept on the way [rad].
+        margin: Least distance to the singular set, to first order, that is kept on the way [rad].
         limits: Whether joint limits count.
         momentum: (6,) momentum on the way; the linear part is zero.
         speed: Speed of the tip along the path [m/s] or [rad/s].
@@ -81,8 +82,8 @@ class FeasibleAttitudes(Result):
         q: (m, n) posture at the start, NaN where there is none.
         ended: (m,) how it ended, an index in `ENDS`.
         s: (m,) length of path behind the tip.
-        distance: (m,) least distance to the singular set on the way [rad]; 0 where it was met, pi
-            where to first order it is more.
+        distance: (m,) least distance to the singular set on the way, to first order [rad]; 0 where
+            it was met, pi where it is more.
         slack: (m,) least distance of a joint to its limits [rad] or [m].
         tilt: (m,) largest turn of the spacecraft on the way [rad].
         axis: The axis (0, 1, 2) about which a planar arm turns; None for spatial arms.
@@ -245,7 +246,7 @@ class FeasibleAttitudes(Result):
             return said
         best = self.start()
         facts: dict[str, Cell] = {
-            "distance kept to the singular set": Measure(self.distance[self.best], "rad"),
+            "distance kept, to first order": Measure(self.distance[self.best], "rad"),
             "attitude, quaternion xyzw": self.attitude[self.best],
             **dict(zip(best.arm.joint_names, joint_measures(best.q, best.arm.slides), strict=True)),
             "largest ball of attitudes": Measure(self.ball.radius, "rad"),
@@ -297,7 +298,7 @@ def feasible_attitudes(
     corner: at each attitude the arm takes a posture with the tip there, and the tip then follows
     the path by J*, as `sa.follow` does. The attitude is feasible if the tip arrives, no
     configuration on the way is nearer than `margin` to the singular set (to first order, as
-    `SingularityReport.distance`), and no joint leaves its limits. All attitudes are followed at
+    by `sa.singularity`), and no joint leaves its limits. All attitudes are followed at
     once. `python benchmarks/attitudes.py` prints how long it takes.
 
     Args:
@@ -410,7 +411,7 @@ def turning_axis(arm: SpaceArm) -> int | None:
         UnsupportedError: The path cannot be followed in all rows of the task, or the rows depend on
             the attitude.
     """
-    check_rows(arm)
+    require_possible(arm, FLOATING)
     axes = turning_axes(arm)
     axis = axes[0] if len(axes) == 1 else None
     if not arm.task.singled_out <= {axis}:

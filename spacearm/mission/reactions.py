@@ -25,7 +25,7 @@ from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, task_jac
 from spacearm.model.arguments import HELD
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.wheels import WheelLoad, carried
-from spacearm.motion.motion import UNBOUNDED, Motion, Playable, Trajectory
+from spacearm.motion.motion import UNBOUNDED, Motion, Playable, Trajectory, jump_notes
 from spacearm.planning.result import Plan
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
@@ -57,6 +57,7 @@ class Reaction(Result):
         camera: (3,) unit vector of a camera's line of sight; None for the worst one.
         unbounded: Whether the motion ends at a singularity that the tip is led into at a constant
             speed: rates, momentum and torque have no bound there, the last rows say little.
+        jump: Largest jump of `momentum` where the rates of the joints jump [N m s].
     """
 
     arm: SpaceArm
@@ -68,6 +69,7 @@ class Reaction(Result):
     torque: Array
     camera: Array | None = field(default=None)
     unbounded: bool = field(default=False)
+    jump: float = field(default=0.0)
 
     JSON: ClassVar[Mapping[str, str]] = {"momentum": "joint_momentum", "torque": "holding_torque"}
 
@@ -114,22 +116,26 @@ class Reaction(Result):
     def load(self) -> WheelLoad | None:
         """What each wheel of the spacecraft holds and gives at most.
 
-        None if it has no wheels, or has some on links that move with the arm.
+        None if it has no wheels, or has some on links that move with the arm, or if the loads have
+        no bound.
         """
-        if not self.arm.wheels or carried(self.arm.model, self.arm.wheels):
+        if self.unbounded or not self.arm.wheels or carried(self.arm.model, self.arm.wheels):
             return None
         return WheelLoad.of(self.arm.model, self.arm.wheels, self.wheels, self.torque)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain JSON data, with the largest of each kind and the impulse."""
-        return super().to_dict() | {
-            "exceeded": [] if self.load is None else self.load.exceeded,
-            "largest_angle": float(self.angle.max()),
-            "largest_pointing": float(self.pointing.max()),
+        largest: dict[str, Any] = {
             "largest_smear": float(self.smear.max()),
             "largest_wheels": np.abs(self.wheels).max(axis=0).tolist(),
             "largest_holding_torque": np.abs(self.torque).max(axis=0).tolist(),
             "thruster_impulse": self.impulse.tolist(),
+        }
+        return super().to_dict() | {
+            "exceeded": [] if self.load is None else self.load.exceeded,
+            "largest_angle": float(self.angle.max()),
+            "largest_pointing": float(self.pointing.max()),
+            **(dict.fromkeys(largest) if self.unbounded else largest),
         }
 
     def describe(self) -> Description:
@@ -148,7 +154,7 @@ class Reaction(Result):
             "turn of the line of sight": Measure(float(self.pointing.max()), "rad"),
             "at up to": Measure(float(self.smear.max()), "rad/s"),
         }
-        load = None if self.unbounded else self.load
+        load = self.load
         exceeded = [] if load is None else load.exceeded
         held = f"held, wheels take {wheels:.4g} N m s and {torque:.4g} N m"
         if self.unbounded:
@@ -157,11 +163,12 @@ class Reaction(Result):
                 row if "held" not in str(row[0]) else (row[0], *3 * ("no bound",)) for row in rows
             ]
         which = "worst line of sight" if self.camera is None else "line of sight of the camera"
+        jumps = [] if self.unbounded else jump_notes(self.jump)
         return Description(
             title=f"{self.arm.name}, {self.t[-1] - self.t[0]:.4g} s",
             verdict=f"floating it turns by up to {np.degrees(self.angle.max()):.4g}°; {held}",
             tone="bad" if exceeded or self.unbounded else "",
-            notes=exceeded,
+            notes=[*exceeded, *jumps],
             tables=[
                 *([] if load is None else [load.table()]),
                 Table(("largest", "about x", "about y", "about z"), rows),
@@ -185,10 +192,10 @@ def reaction(
     needs wheels with the momentum -D_q dq, besides what is on board, and a torque that is the
     derivative of D_q dq; this is the torque that `inverse_dynamics` reports as the reaction.
 
-    A `Plan` and a `Trajectory` know their own rates and accelerations. Those of other motions are
-    differences over the samples: sample finely, above all motions that are not smooth. Wheels of
-    the spacecraft share momentum and torque by the pseudo-inverse of their axes, and what exceeds
-    their limits is said, with by how much.
+    What `sa.plan`, `sa.simulate` and `sa.follow` return knows its own rates and accelerations.
+    Those of other motions are differences over the samples: sample finely. Wheels of the
+    spacecraft share momentum and torque by the pseudo-inverse of their axes, and what exceeds their
+    limits is said, with by how much.
 
     Args:
         motion: Any motion of the package, or an object with arm, t, q and base; see `Motion.of`.
@@ -235,7 +242,7 @@ def reaction(
             progress(i + 1, len(run))
     return Reaction(
         run.arm, run.t, excursion, rate, momentum, on_board[:, 3:] @ start, torque, sight,
-        run.ended_singular,
+        run.ended_singular, run.momentum_jump,
     )  # fmt: skip
 
 

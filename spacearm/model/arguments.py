@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Literal
 
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.model.arm import SpaceArm
 
 BaseMode = Literal["free-floating", "attitude-controlled", "fixed"]
 
@@ -24,3 +26,19 @@ def free_components(mode: str) -> int:
     if mode not in tuple(FREE_TWIST):
         raise ConfigurationError(unknown("mode", mode, FREE_TWIST))
     return FREE_TWIST[mode]
+
+
+@lru_cache(maxsize=256)
+def impossible(arm: SpaceArm, mode: BaseMode) -> str:
+    """Say why an arm can never do its task, and which it can; empty if it can do it."""
+    return arm.fault_of_task(free_components(mode))
+
+
+def require_possible(arm: SpaceArm, mode: BaseMode) -> None:
+    """Refuse an arm that can never do its task.
+
+    Raises:
+        UnsupportedError: It cannot; names rows and remedy.
+    """
+    if fault := impossible(arm, mode):
+        raise UnsupportedError(f"{arm.name}: {fault}")

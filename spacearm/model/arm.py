@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -15,20 +16,23 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, plain, read_only
 from spacearm.description.bodies import Inertial, Joint
+from spacearm.description.grippers import held_fingers
 from spacearm.description.model_catalogue import holding
 from spacearm.description.tips import Counting, Tips, choose_tips, hold, only_tip, remaining
-from spacearm.description.tree import Tree, coupling, joint_limits
+from spacearm.description.tree import Tree, Wheels, coupling, joint_limits
 from spacearm.description.urdf_writer import document
 from spacearm.errors import (
     ModelError,
     UnsupportedError,
     called_from_outside,
     listed,
+    warn,
 )
 from spacearm.files import write
 from spacearm.model.frames import LWA, PoseLike, sound_pose
 from spacearm.model.joints import JointSpace, joint_vector, outside_limits, warn_outside
-from spacearm.model.task import Task, complete_task
+from spacearm.model.task import Task, usual_task, with_length
+from spacearm.model.task_rank import MovableRows
 from spacearm.model.wheels import Wheel, wheel_table, wheels_of
 from spacearm.results import Cell, Column, Described, Description, Measure, Table, joint_measures
 from spacearm.signatures import checked
@@ -57,6 +61,7 @@ class SpaceArm(JointSpace, Described):
         tip_reason: Why these are the tips, a phrase.
         tip_frames: Indices of their frames in the model.
         task: The twist rows that count.
+        movable: Which rows of the tips' twists the joints can move at all.
         wheels: Momentum wheels, which are not among the joints; see `at`.
         joint_names: Names of the n movable joints, in the model's order.
         joints: Which joints count, as it was asked for: "tip", "all" or names; see `load`.
@@ -73,6 +78,7 @@ class SpaceArm(JointSpace, Described):
     whole: Tree
     tip_reason: str
     tip_frames: tuple[int, ...]
+    movable: MovableRows
     wheels: tuple[Wheel, ...]
     joints: Counting
     held: Mapping[str, float]
@@ -108,6 +114,11 @@ class SpaceArm(JointSpace, Described):
             )
         leading, (C, offsets) = tree.leading(), coupling(tree)
         (lower, upper), model = joint_limits(tree), tree.pinocchio()
+        movable, asked = MovableRows(tree, tips, model), task
+        if task is None:
+            task = movable.default(usual_task(tree, tips))
+        elif not isinstance(task, Task):
+            task = Task(task)
         return cls(
             name=tree.name,
             path=path,
@@ -117,7 +128,8 @@ class SpaceArm(JointSpace, Described):
             tips=tips,
             tip_reason=reason,
             tip_frames=tuple(model.getFrameId(tip, pin.BODY) for tip in tips),
-            task=complete_task(task, tree, tips, path),
+            movable=movable,
+            task=with_length(task, tree, tips, path),
             wheels=wheels_of(tree, model, path),
             joint_names=tuple(joint.name for joint in leading),
             joints=joints if isinstance(joints, str) else tuple(joints),
@@ -126,13 +138,28 @@ class SpaceArm(JointSpace, Described):
             offsets=offsets,
             lower=lower,
             upper=upper,
-            _asked=task,
+            _asked=asked,
         )
 
-    @property
+    @cached_property
     def notes(self) -> tuple[str, ...]:
         """What was assumed, repaired or left out as the model was read, a sentence each."""
-        return self.tree.notes
+        held = held_fingers(self.whole, self.tips, self.held)
+        return (*self.tree.notes, *held, *filter(None, [self.fault_of_task()]))
+
+    def fault_of_task(self, free: int = 6) -> str:
+        """Say why the task is impossible at every posture, and which would do; "" if it is not.
+
+        Args:
+            free: Number of free components of the spacecraft's twist; see `free_components`.
+        """
+        return self.movable.fault(self.task, usual_task(self.tree, self.tips), free)
+
+    def warned(self) -> SpaceArm:
+        """Return the arm, with a warning if its task is impossible."""
+        if fault := self.fault_of_task():
+            warn(f"{self.path}: {fault}")
+        return self
 
     @property
     def bodies(self) -> dict[str, pin.Inertia]:
@@ -158,6 +185,12 @@ class SpaceArm(JointSpace, Described):
     def tip_frame(self) -> int:
         """Index of the tip's frame in the model; raises as `tip` does."""
         return self.tip_frames[self.tips.index(self.tip)]
+
+    @property
+    def home(self) -> Array:
+        """(n,) home positions of the joints within their limits: zeros unless the file says so."""
+        home = [self.tree.joints[name].home for name in self.joint_names]
+        return np.clip(home, self.lower, self.upper)
 
     @property
     def mount(self) -> pin.SE3:
@@ -197,7 +230,7 @@ class SpaceArm(JointSpace, Described):
             warn_outside(self, cfg.q)
         if momentum is not None:
             cfg = cfg.with_momentum(momentum)
-        return cfg if wheels is None else _spinning(cfg, wheels)
+        return cfg if wheels is None else cfg.with_wheels(wheels)
 
     def borrow(self) -> pin.Data:
         """Lend a pin.Data of the model; making one costs more than using it."""
@@ -220,7 +253,7 @@ class SpaceArm(JointSpace, Described):
         task: str | Task | None = None,
         joints: Counting | None = None,
         locked: Mapping[str, float] | None = None,
-        wheels: Collection[str] = (),
+        wheels: Wheels = (),
     ) -> SpaceArm:
         """Return a new arm with some things changed.
 
@@ -237,7 +270,7 @@ class SpaceArm(JointSpace, Described):
             task: The twist rows. Default: those asked for; if none were, the default of `load`.
             joints: Which joints count besides; see `load`.
             locked: Joints to lock, with their values [rad] or [m]; held ones may be among them.
-            wheels: Joints to take as momentum wheels.
+            wheels: Joints to take as momentum wheels; see `load`.
 
         Raises:
             ModelError: No rigid body can have this mass and inertia, or there is no such link.
@@ -260,13 +293,14 @@ class SpaceArm(JointSpace, Described):
         if payload:
             rigid = Inertial.of(payload, np.zeros((3, 3)), body="the payload", prefix="payload_")
             tree = holding(tree, only_tip(tips.links, self.name), rigid)
-        return SpaceArm.of(
+        changed = SpaceArm.of(
             tree,
             self.path,
             tip=tips,
             task=self._asked if task is None else task,
             joints=remaining(tree, self.joints) if joints is None else joints,
         )
+        return changed if self.fault_of_task() == changed.fault_of_task() else changed.warned()
 
     def grasp(
         self, mass: float, inertia: npt.ArrayLike | None = None, com: npt.ArrayLike = (0, 0, 0)
@@ -298,6 +332,19 @@ class SpaceArm(JointSpace, Described):
             ConfigurationError: A joint does not exist, or the least position does not come first.
         """
         return self.on(self.whole.with_ranges(ranges))
+
+    def with_home(self, positions: Mapping[str, float]) -> SpaceArm:
+        """Return the arm with other home positions of some joints.
+
+        Joints that do not count are held there, the viewer begins there, `to_urdf` writes them.
+
+        Args:
+            positions: Positions [rad] or [m] by joint.
+
+        Raises:
+            ConfigurationError: A joint does not exist, or a position is beyond its limits.
+        """
+        return self.on(self.whole.with_home(positions))
 
     def on(self, tree: Tree) -> SpaceArm:
         """Return the arm with the same tips, task and joints on another tree of bodies."""
@@ -384,7 +431,8 @@ class SpaceArm(JointSpace, Described):
                 Table(
                     ("joint", "type", "moves", "at"),
                     rows,
-                    'Held joints (to make them count: joints="all", or their names)',
+                    'Held joints (to make them count: joints="all", or their names; '
+                    "to make them reaction wheels: wheels=[...])",
                 )
             )
         return Description(
@@ -493,6 +541,22 @@ class Configuration:
         """
         return replace(self, momentum=read_only(finite(momentum, (6,), "momentum", MOMENTUM)))
 
+    def with_wheels(self, wheels: npt.ArrayLike) -> Configuration:
+        """Return the same posture, pose and total momentum with other momenta (w,) of the wheels.
+
+        Raises:
+            ConfigurationError: They have the wrong shape or are not finite.
+        """
+        arm, stored = self.arm, np.zeros(6)
+        names = listed([wheel.name for wheel in arm.wheels]) or "no wheel"
+        h = finite(wheels, (len(arm.wheels),), "wheels", f"[N m s], one for each of: {names}")
+        data = arm.borrow()
+        pin.framesForwardKinematics(arm.model, data, self.full_at_origin)
+        for wheel, spin in zip(arm.wheels, h, strict=True):
+            stored[3:] += data.oMf[wheel.frame].rotation @ wheel.axis * spin
+        arm.give_back(data)
+        return replace(self, wheels=read_only(h), stored=read_only(stored))
+
     def centred(self, com: npt.ArrayLike) -> Configuration:
         """Return the same posture and attitude with the system CM at `com` (3,) [m].
 
@@ -527,20 +591,6 @@ class Configuration:
         base = np.array2string(pin.SE3ToXYZQUAT(self.base), precision=6, separator=", ")
         q = np.array2string(self.q, precision=6, separator=", ")
         return f"Configuration({self.arm.label}, q={q}, base(xyz, xyzw)={base})"
-
-
-def _spinning(cfg: Configuration, wheels: npt.ArrayLike) -> Configuration:
-    """Return the configuration with momentum in the wheels (w,), checked."""
-    arm = cfg.arm
-    names = listed([wheel.name for wheel in arm.wheels]) or "no wheel"
-    h = finite(wheels, (len(arm.wheels),), "wheels", f"[N m s], one for each of: {names}")
-    stored = np.zeros(6)
-    data = arm.borrow()
-    pin.framesForwardKinematics(arm.model, data, cfg.full_at_origin)
-    for wheel, spin in zip(arm.wheels, h, strict=True):
-        stored[3:] += data.oMf[wheel.frame].rotation @ wheel.axis * spin
-    arm.give_back(data)
-    return replace(cfg, wheels=read_only(h), stored=read_only(stored))
 
 
 def still_wheels(cfg: Configuration, what: str) -> None:

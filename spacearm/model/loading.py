@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from spacearm.description.readers.formats import RobotSource
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS
 from spacearm.description.readers.source import Check, Folders, Reading
 from spacearm.description.tips import Counting
-from spacearm.description.tree import Tree
+from spacearm.description.tree import Tree, Wheels
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
@@ -33,7 +33,7 @@ def load(
     joints: Counting = "tip",
     locked: Mapping[str, float] | None = None,
     check: Check | None = None,
-    wheels: Collection[str] = (),
+    wheels: Wheels = (),
     packages: Folders = (),
     xacro_args: Mapping[str, object] | None = None,
     density: float | None = None,
@@ -44,8 +44,9 @@ def load(
     fixed to the actual bus is fine, and one that it floats in is left out, be it by a floating
     joint or by slides and hinges without mass between. Movable leaves without mass are held. The n
     joints are those on the way to the tip; fingers, solar panels and other arms are held where they
-    are, at zero or at the limit nearest to it, see `SpaceArm.held`. Joints that mimic another are
-    not among the n joints; their limits count as limits of the joint that they follow.
+    are, at the <home value="..."/> of their joint (zero if there is none) or at the limit nearest
+    to it, see `SpaceArm.held`. Joints that mimic another are not among the n joints; their limits
+    count as limits of the joint that they follow.
 
     Args:
         source: A name of the catalogue (see `catalogue`); the path of a URDF, .xacro, MJCF (.xml)
@@ -57,7 +58,8 @@ def load(
             `SpaceArm.tip_reason` says which it was.
         task: The twist rows that count, as "x y rz", "pose", "position", "orientation" or a
             `Task`. Default: for planar arms the rows of the plane ("x y", from 3 joints on with
-            the rotation); otherwise "pose" from 6 joints on, else "position".
+            the rotation); otherwise "pose" from 6 joints on, else "position"; of these the rows
+            that the joints move, where all together are impossible.
         joints: Which joints count besides those on the way to the tips: "tip" for no others, "all",
             or the names of some.
         locked: Joints to lock, with their values [rad] or [m].
@@ -66,7 +68,8 @@ def load(
             "error" for files.
         wheels: Joints of reaction wheels and other bodies that hold momentum, which are not among
             the n joints; `SpaceArm.at` takes their momentum. Joints with a <wheel> element are
-            wheels anyway.
+            wheels anyway. Their limits are those of the joints, or as given: {name: (largest
+            torque [N m], largest momentum [N m s])}.
         packages: Folders that hold ROS packages, or are packages, for `package://` and `$(find)`.
             They are searched before ROS_PACKAGE_PATH, AMENT_PREFIX_PATH and the folders around the
             file.
@@ -93,9 +96,13 @@ def load(
     info = find_model(source)
     path = info.path if info else formats.path_of(source)
     reading = Reading.of(check or (info.check if info else None), packages, xacro_args, density)
-    tree = assembled(info, reading) if info else formats.read(source, reading)
-    tree = tree.locked(locked or {}).with_wheels(wheels)
-    return SpaceArm.of(tree, path, tip=tip, task=task, joints=joints)
+    if info:
+        tree = assembled(info, reading).locked(locked or {})
+    else:
+        tips = (tip,) if isinstance(tip, str) else tuple(tip or ())
+        tree = formats.read(source, replace(reading, locked=locked or {}, tips=tips))
+    tree = tree.with_wheels(wheels)
+    return SpaceArm.of(tree, path, tip=tip, task=task, joints=joints).warned()
 
 
 @checked
@@ -106,6 +113,7 @@ def mount(
     *,
     name: str | None = None,
     tip: str | None = None,
+    task: str | Task | None = None,
     joints: Counting = "tip",
     locked: Mapping[str, float] | None = None,
     check: Check | None = None,
@@ -116,9 +124,9 @@ def mount(
     """Bolt an arm to a spacecraft; call it again for a second and a third arm.
 
     The fixed base of the arm becomes part of the spacecraft. The names of its links and joints are
-    prefixed with its name and "_", and a frame with its name alone is at its tip: two arms mounted
-    as "left" and "right" have the tips "left" and "right". The tip of the result is that of the
-    arm mounted last, whose joints count, while fingers and other arms are held;
+    prefixed with its name and "_": a tip "hand" of an arm mounted as "left" is "left_hand". A frame
+    with the name alone is at the same place: "left". The tip of the result is that of the arm
+    mounted last, whose joints count, while fingers and other arms are held;
     `SpaceArm.replace` takes the other one, or both: `tip=("left", "right")`. The order of mounting
     makes no other difference.
 
@@ -130,6 +138,7 @@ def mount(
             None, the middle of the top face (+z) of a `Bus` with a size, else the identity.
         name: Name of the arm. Default: the robot's name, numbered from the second arm on.
         tip: Link of the arm that is its tip, as in `load`.
+        task: The twist rows that count; see `load`.
         joints: Which joints count besides; names are those of the result. See `load`.
         locked: Joints of the arm to lock, with their values [rad] or [m].
         check: What to do with inertias that no rigid body can have; see `load`.
@@ -147,14 +156,14 @@ def mount(
     Example:
         >>> import spacearm as sa
         >>> sa.mount("vispa", sa.Bus(mass=200, size=(1, 1, 1)))
-        SpaceArm(bus_vispa: 6 joints, 216.054 kg, tip 'vispa', task 'pose')
+        SpaceArm(bus_vispa: 6 joints, 216.054 kg, tip 'vispa_tip', task 'pose')
     """
     top = bus.top if isinstance(bus, Bus) else pin.SE3.Identity()
     at = top if at is None else sound_pose(at, "at")
     reading = Reading.of(check, packages, xacro_args, density)
     base = _tree(bus, replace(reading, xacro_args={}))
     tree = bolted(base, arm, at, name=name, tip=tip, locked=locked, reading=reading)
-    return SpaceArm.of(tree, Path(f"{tree.name}.urdf"), joints=joints)
+    return SpaceArm.of(tree, Path(f"{tree.name}.urdf"), task=task, joints=joints).warned()
 
 
 def _tree(bus: Bus | SpaceArm | RobotSource, reading: Reading) -> Tree:
@@ -164,5 +173,8 @@ def _tree(bus: Bus | SpaceArm | RobotSource, reading: Reading) -> Tree:
     if isinstance(bus, SpaceArm):
         return bus.whole
     if not isinstance(bus, (str, os.PathLike, *PINOCCHIO_MODELS)):
-        raise ConfigurationError(f"bus is {bus!r}; give a Bus, a SpaceArm or the path of a URDF")
-    return formats.read(bus, reading)
+        raise ConfigurationError(
+            f"bus is {bus!r}; give a Bus, a SpaceArm, a name or the path of a robot file"
+        )
+    info = find_model(bus)
+    return assembled(info) if info else formats.read(bus, reading)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +17,8 @@ from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, unknown
 from spacearm.signatures import checked
 
+Rows: TypeAlias = Sequence[str]
+"""Names of rows."""
 ROWS = ("x", "y", "z", "rx", "ry", "rz")
 ALIASES = {"pose": ROWS, "position": ROWS[:3], "orientation": ROWS[3:]}
 
@@ -166,28 +168,26 @@ class Task:
         return turned.reshape(J.shape)[..., self.indices, :]
 
 
-def complete_task(asked: str | Task | None, tree: Tree, tips: Sequence[str], path: Path) -> Task:
-    """Return the task that was asked for, or the default one, for these tips and with a length.
+def with_length(task: Task, tree: Tree, tips: Sequence[str], path: Path) -> Task:
+    """Return a task for these tips, with a length.
 
     Raises:
-        ConfigurationError: What was asked for is no task.
         ModelError: A mixed task needs a length, and the arm has none.
     """
-    if asked is None:
-        asked = default_task(tree, tips)
-    task = replace(asked if isinstance(asked, Task) else Task(asked), tips=len(tips))
+    task = replace(task, tips=len(tips))
     if task.mixed and task.length is None:
         length = max(map(tree.way_to, tips))
         if length == 0.0:
             raise ModelError(
                 f"{path}: the joints and the tip {tips[0]!r} are in one point, so that the arm has "
-                "no length to scale a mixed task with; give one: task=Task('pose', length=...)"
+                "no length to scale a mixed task with; correct their poses in the file, or give a "
+                "length: task=Task('pose', length=...)"
             )
         task = replace(task, length=length)
     return task
 
 
-def default_task(tree: Tree, tips: Sequence[str]) -> Task:
+def usual_task(tree: Tree, tips: Sequence[str]) -> Task:
     """Return the rows of the plane of a planar arm, else pose from 6 joints on, else position."""
     n = min(sum(joint.mimic is None for joint in tree.movable(tip)) for tip in tips)
     if (normal := tree.plane_normal()) is not None:

@@ -182,28 +182,13 @@ def wheel_table(model: pin.Model, wheels: Sequence[Wheel]) -> Table:
 
 def _capacity(tree: Tree, wheel: Joint) -> float:
     """Return the largest momentum of a wheel [N m s]; inf if it is not known."""
-    whole, _ = _spinning(tree, wheel)
-    moment = float(wheel.axis @ whole.inertia @ wheel.axis)
+    moment = tree.spin_inertia(wheel)
     return moment * wheel.velocity if moment > 0.0 else np.inf
-
-
-def _spinning(tree: Tree, wheel: Joint) -> tuple[pin.Inertia, list[Joint]]:
-    """Return the inertia of what a wheel spins, in its frame, and the joints on it that move."""
-    behind, carried = [wheel.child], []
-    for joint in tree.depth_first():
-        if joint.parent in behind:
-            behind.append(joint.child)
-            carried += [] if joint.kind == "fixed" else [joint]
-    hub, whole = tree.frames[wheel.child], pin.Inertia.Zero()
-    for link in behind:
-        if part := tree.links[link]:
-            whole += hub.actInv(tree.frames[link]).act(part.spatial())
-    return whole, carried
 
 
 def _fault(tree: Tree, wheel: Joint) -> str | None:
     """Say why a joint is no wheel; None if it is one."""
-    whole, carried = _spinning(tree, wheel)
+    whole, carried = tree.carried(wheel)
     if carried:
         return f"carries joint {carried[0].name!r}"
     if whole.mass == 0.0:

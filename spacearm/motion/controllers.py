@@ -11,7 +11,7 @@ these rates with the time constant 1 / `servo`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -40,6 +40,8 @@ from spacearm.signatures import checked
 from spacearm.singularities.report import NO_INVERSE
 
 Controller = Callable[[float, Configuration, Array], npt.ArrayLike]
+Laws: TypeAlias = Controller | Mapping[str, Controller]
+"""A controller, or one for each tip by its name."""
 MovingGoal: TypeAlias = Goal | Callable[[float], Goal]
 """A goal, or a function of time [s] that gives one: a moving target, or a path and the speed."""
 

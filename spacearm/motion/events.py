@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from spacearm.arrays import Array, named
 from spacearm.mechanics.distance import distance_at
-from spacearm.mechanics.jacobian import singular_values
-from spacearm.model.arguments import BaseMode
+from spacearm.model.arguments import BaseMode, impossible
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.goal import steady
 from spacearm.singularities.nearest import nearest_locally
-from spacearm.singularities.polynomials import NEVER
 
 EVENTS = ("singularity", "joint limit", "target", "wheel full")
 LOOK = 0.05
@@ -55,16 +52,9 @@ class Event(NamedTuple):
         return named(self)
 
 
-@lru_cache(maxsize=64)
 def has_determinant(arm: SpaceArm, mode: BaseMode) -> bool:
     """Tell whether J* is square, and the task one that the arm can do somewhere."""
-    if arm.task.k != arm.n:
-        return False
-    rng = np.random.default_rng(0)
-    probes = [
-        singular_values(arm.at(q), mode=mode) for q in rng.uniform(-np.pi, np.pi, (32, arm.n))
-    ]
-    return any(sigma[-1] > NEVER * sigma[0] for sigma in probes)
+    return arm.task.k == arm.n and not impossible(arm, mode)
 
 
 def clear_of_singularities(cfg: Configuration, mode: BaseMode, axes: Array | None = None) -> float:

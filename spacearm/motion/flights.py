@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,10 +15,10 @@ from spacearm.arrays import Array, Parameters, finite, plain, read_only
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.dynamics import Capture, JointState, capture, generalized_velocity
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.motion.controllers import Controller
+from spacearm.motion.controllers import Laws
 from spacearm.motion.events import Event
 from spacearm.motion.motion import Trajectory, events_table
-from spacearm.motion.plant import Integration, Plant
+from spacearm.motion.plant import Integration, Plant, Sampling
 from spacearm.motion.simulation import simulate
 from spacearm.results import Column, Description, Table
 from spacearm.signatures import checked
@@ -102,7 +102,7 @@ class Flight(Trajectory):
 
     @cached_property
     def distance(self) -> Array:
-        """(m,) distance to the singular set [rad], with what is held."""
+        """(m,) as `Motion.distance` [rad], with what is held."""
         return read_only(_joined(self.phases, "distance"))
 
     @cached_property
@@ -203,9 +203,6 @@ def _wrenches(runs: Sequence[Trajectory]) -> dict[str, Array]:
     }
 
 
-Laws: TypeAlias = Controller | Mapping[str, Controller]
-
-
 @checked
 @dataclass(frozen=True, kw_only=True)
 class Grasp(Parameters):
@@ -244,9 +241,8 @@ class Phase(Parameters):
         then: What happens at its end. Where `stop` names events it happens at one of these only,
             and the flight ends if there was none.
         plant: As in `simulate`, for this phase.
+        sampling: As in `simulate`.
         stop: As in `simulate`.
-        period: As in `simulate`.
-        delay: As in `simulate`.
         integration: As in `simulate`.
     """
 
@@ -255,9 +251,8 @@ class Phase(Parameters):
     then: Grasp | Release | None = None
     _: KW_ONLY
     plant: Plant = Plant()
+    sampling: Sampling | None = None
     stop: Sequence[str] = ()
-    period: float | None = None
-    delay: float = 0.0
     integration: Integration = Integration()
 
     def to_dict(self) -> dict[str, Any]:
@@ -324,7 +319,7 @@ def simulate_phases(
 
         run = simulate(
             start, phase.controller, phase.duration, dq=dq, plant=phase.plant, stop=phase.stop,
-            period=phase.period, delay=phase.delay, integration=phase.integration, progress=report,
+            sampling=phase.sampling, integration=phase.integration, progress=report,
         )  # fmt: skip
         runs.append(run)
         begins.append(begin)

@@ -9,7 +9,7 @@ is the unit vector with J* dq - x' ds = 0, and the singularity is the point wher
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from numbers import Real
@@ -25,7 +25,7 @@ from spacearm.equations.laws import quaternion_rate
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import spacecraft_twist
 from spacearm.mechanics.jacobian import generalized_jacobian, singular_values
-from spacearm.model.arguments import BaseMode
+from spacearm.model.arguments import BaseMode, require_possible
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.motion.events import (
     CLOSE,
@@ -45,7 +45,7 @@ from spacearm.motion.goal import (
     started,
     twist_between,
 )
-from spacearm.motion.motion import Motion, samples
+from spacearm.motion.motion import Motion, RateJump, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.results import Description
 from spacearm.signatures import checked
@@ -197,7 +197,7 @@ def timed_curve(cfg: Configuration, path: Path, times: npt.ArrayLike, at_rest: b
     turns = np.array([pin.SE3ToXYZQUAT(corner) for corner in corners])
     flips = np.sign((turns[1:, 3:] * turns[:-1, 3:]).sum(axis=1))
     turns[1:, 3:] *= np.cumprod(np.where(flips < 0.0, -1.0, 1.0))[:, None]
-    spline = CubicSpline(t, turns, bc_type="clamped" if at_rest else "natural")
+    spline = CubicSpline(t, turns, bc_type="clamped" if at_rest else "not-a-knot")
 
     def pose(s: float) -> pin.SE3:
         x = spline(s)
@@ -219,6 +219,10 @@ def lengths_at(cfg: Configuration, curve: Segment) -> tuple[Array, Array]:
     return t, np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)))
 
 
+AHEAD = 1e-4
+"""Length of the curve in (q, s) over which its tangent is differenced [rad], [m]."""
+SMOOTH = 1e-7
+"""Share of the largest joint rate up to which rates do not jump."""
 RETURN = 10.0
 """Rate at which the tip returns to its path from rounding errors [1/m]."""
 RTOL, ATOL = 1e-10, 1e-11
@@ -280,6 +284,25 @@ class TipCurve:
         w = spacecraft_twist(cfg, dq, self.mode)[3:] @ cfg.base.rotation
         turning = quaternion_rate(numbers, y[-5:-1], w)
         return np.concatenate((dq, turning, [ds]))
+
+    def motion(self, y: Array, speed: float) -> tuple[Array, Array]:
+        """Compute the joint rates and accelerations (n,) with which s grows at a constant speed.
+
+        With the derivatives q', s' along the curve, dq/ds = q' / s' and
+        d^2 q / ds^2 = (q'' - s'' q' / s') / s'^2. Second derivatives are differences of the
+        tangent, ahead only where the path begins.
+        """
+        starts = y[-1] < AHEAD
+        places, weights = ((0, 1, 2), (-1.5, 2.0, -0.5)) if starts else ((-1, 0, 1), (-0.5, 0, 0.5))
+        tangents = np.array([self._tangent_beyond(y, AHEAD * i) for i in places])
+        along, bend = tangents[places.index(0)], np.array(weights) @ tangents / AHEAD
+        dq = along[:-1] / along[-1]
+        return speed * dq, (speed / along[-1]) ** 2 * (bend[:-1] - bend[-1] * dq)
+
+    def _tangent_beyond(self, y: Array, h: float) -> Array:
+        """Return the tangent a short way h along the curve from a state."""
+        there = y + h * self.rate(0.0, y + 0.5 * h * self.rate(0.0, y)) if h else y
+        return self.tangent(self.configuration(there), float(there[-1]))
 
     def rooms(self, y: Array) -> Array:
         """Return how far (3,) a state is from each of `ENDS`: negative beyond it."""
@@ -354,14 +377,25 @@ class Followed(Motion):
         length: Length of the whole path, in the unit of s.
         ended: "arrived", "singularity" or "joint limit".
         reason: The same in a sentence, with the place.
+        dq: (m, n) joint rates [rad/s] or [m/s], before the jump where they jump; at a singular end,
+            where they have no bound, the mean of the last interval.
+        ddq: (m, n) joint accelerations [rad/s^2] or [m/s^2]; at a singular end those before it.
+        jumps: Where the joint rates jump, at corners and at both ends, unless the path has times.
     """
 
     s: Array
     length: float
     ended: str
     reason: str
+    dq: Array = field()
+    ddq: Array = field()
+    jumps: tuple[RateJump, ...] = ()
 
-    QUANTITIES: ClassVar[Mapping[str, Quantity]] = {**Motion.QUANTITIES, "s": Quantity("m or rad")}
+    QUANTITIES: ClassVar[Mapping[str, Quantity]] = {
+        **Motion.QUANTITIES,
+        "ddq": Quantity("rad/s^2 or m/s^2", "joint"),
+        "s": Quantity("m or rad"),
+    }
     JSON: ClassVar[Mapping[str, str]] = {"length": "path_length"}
 
     @property
@@ -398,9 +432,6 @@ class Followed(Motion):
             super().describe(), verdict=self.reason, tone="good" if self.arrived else "caution"
         )
 
-    def __repr__(self) -> str:
-        return f"Followed({self.arm.label}, {self.mode}: {self.reason})"
-
 
 @checked
 def follow(
@@ -433,8 +464,8 @@ def follow(
             None, where there are no times.
         times: (m,) when the tip passes each corner [s], 0 at the start. The tip then takes a smooth
             way through the corners, cubic in time, in place of straight lines.
-        at_rest: Whether a motion with times begins and ends with the tip at rest; if not, without
-            acceleration.
+        at_rest: Whether a motion with times begins and ends with the tip at rest; if not, as the
+            first and the last four corners suggest (a spline that is "not a knot").
         limits: Whether joint limits stop the motion.
         progress: Called after every step as progress(s, length), of the straight piece it is on.
 
@@ -464,23 +495,38 @@ def follow(
     first = cfg
     timed = None if times is None else timed_curve(cfg, path, times, at_rest)
     pieces = segments(cfg, path, length) if timed is None else [timed]
-    states, behind = [state_of(cfg, 0.0)], 0.0
+    pace = speed if timed is None else 1.0
+    states, moved, jumps = [state_of(cfg, 0.0)], list[Array](), list[RateJump]()
+    behind, before = 0.0, np.zeros(arm.n)
     for piece in pieces:
         curve = TipCurve(cfg, piece, mode, limits)
         y, end = curve.integrate(progress)
+        unbounded = curve.square and end.kind == "singularity"
+        inside = [state_of(cfg, 0.0), *(y[:-1] if unbounded else y)]
+        rates = np.array([curve.motion(state, pace) for state in inside])
+        moved.append(rates[len(moved) > 0 :])
+        jumps.append(RateJump(behind / pace, cfg.q, rates[0, 0] - before))
+        before = rates[-1, 0]
         y[:, -1] += behind
         behind += piece.length
         states.append(y)
         cfg = curve.configuration(y[-1])
         if end.kind != "arrived":
             break
-    rows = np.vstack(states)
-    rows = rows[np.append(True, np.diff(rows[:, -1]) > 0.0)]
+    rows, known = np.vstack(states), np.vstack(moved)
+    if unbounded:
+        last = (rows[-1, : arm.n] - rows[-2, : arm.n]) / (rows[-1, -1] - rows[-2, -1]) * pace
+        known = np.append(known, [[last, known[-1, 1]]], axis=0)
+    else:
+        jumps.append(RateJump(rows[-1, -1] / pace, cfg.q, -before))
+    least = SMOOTH * np.abs(known[:, 0]).max()
+    kept = np.append(True, np.diff(rows[:, -1]) > 0.0)
+    rows, known = rows[kept], known[kept]
     s, whole = rows[:, -1], sum(piece.length for piece in pieces)
-    t = s / speed
+    t = s / pace
     if timed is not None:
         clock, behind_at = lengths_at(first, timed)
-        t, s, whole = s, np.interp(s, clock, behind_at), float(behind_at[-1])
+        s, whole = np.interp(s, clock, behind_at), float(behind_at[-1])
     return Followed(
         arm=arm,
         mode=mode,
@@ -490,20 +536,10 @@ def follow(
         length=whole,
         ended=end.kind,
         reason=how_it_ended(arm, curve.configuration(rows[-1]).tip.translation, s[-1], whole, end),
+        dq=known[:, 0].copy(),
+        ddq=known[:, 1].copy(),
+        jumps=tuple(jump for jump in jumps if np.abs(jump.change).max() > least),
     )
-
-
-def check_rows(arm: SpaceArm) -> None:
-    """Refuse a task of more rows than the arm has joints: no path can be followed.
-
-    Raises:
-        UnsupportedError: It has.
-    """
-    if arm.task.k > arm.n:
-        raise UnsupportedError(
-            f"{arm.name} has {arm.n} joints and a task of {arm.task.k} rows; no path can be "
-            "followed in all of them"
-        )
 
 
 def check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
@@ -511,10 +547,10 @@ def check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
 
     Raises:
         ConfigurationError: It is singular, or beyond the joint limits where they count.
-        UnsupportedError: The task has more rows than the arm has joints.
+        UnsupportedError: The arm can never do its task.
     """
     arm = cfg.arm
-    check_rows(arm)
+    require_possible(arm, mode)
     sigma = singular_values(cfg, mode=mode, axes=goal_axes(cfg))
     if sigma[-1] <= NO_INVERSE * sigma[0]:
         near = f"the start is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e})"

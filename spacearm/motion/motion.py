@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -25,9 +25,10 @@ from spacearm.motion.events import Event
 from spacearm.motion.goal import origin_of
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
 from spacearm.polynomial.certificate import Certificate
+from spacearm.polynomial.tubes import straight
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
 from spacearm.signatures import checked, fits, shown
-from spacearm.singularities.report import singularity
+from spacearm.singularities.nearest import distances_found
 from spacearm.singularities.sets import prove_regular
 
 if TYPE_CHECKING:
@@ -39,6 +40,30 @@ UNBOUNDED = (
     "joint rates, momentum and torque grow without limit there"
 )
 """What is said of the loads of a motion that ends so."""
+
+
+def jump_notes(size: float) -> list[str]:
+    """Say by how much [N m s] the momentum of a motion jumps, if it does."""
+    if not size:
+        return []
+    return [
+        f"the joint rates jump, and what wheels hold by up to {size:.4g} N m s at once, which no "
+        "torque does; a path with times is smooth"
+    ]
+
+
+class RateJump(NamedTuple):
+    """A jump of the joint rates, with a jump of what wheels hold that no torque follows.
+
+    Attributes:
+        t: When [s].
+        q: (n,) joint positions then.
+        change: (n,) of the joint rates [rad/s] or [m/s].
+    """
+
+    t: float
+    q: Array
+    change: Array
 
 
 class Playable(Protocol):
@@ -196,10 +221,16 @@ class Motion(Result):
 
     @cached_property
     def distance(self) -> Array:
-        """(m,) distance to the singular set [rad], to first order; see `sa.singularity`."""
-        if self._compiled:
-            return read_only(evaluate(self.arm, self.q, ("distance",))["distance"])
-        return self._each(lambda cfg: singularity(cfg, mode=self.mode).distance)
+        """(m,) how far the nearest singular configuration found from each row is [rad].
+
+        The nearest of all is no farther; see `NearestSingular`.
+        """
+        return read_only(distances_found(self.arm, self.mode, self.q))
+
+    @property
+    def control_points(self) -> Array:
+        """(pieces, d, n) control points of the joint motion: straight from row to row."""
+        return straight(self.q)
 
     @cached_property
     def certificate(self) -> Certificate | None:
@@ -222,6 +253,11 @@ class Motion(Result):
     @property
     def singular_times(self) -> tuple[float, ...]:
         """Times at which a singularity is known to have been met [s]."""
+        return ()
+
+    @cached_property
+    def jumps(self) -> tuple[RateJump, ...]:
+        """Where the joint rates are known to jump."""
         return ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -315,10 +351,20 @@ class Motion(Result):
         moved, torque = momentum_and_torque(self.arm, self.q, self.dq, self.ddq)
         rates = [np.linalg.norm(x, axis=1).max() for x in (moved, torque)]
         notes = [f"holding the attitude takes up to {rates[0]:.4g} N m s and {rates[1]:.4g} N m"]
+        notes += jump_notes(self.momentum_jump)
         if not self.arm.wheels or carried(self.arm.model, self.arm.wheels):
             return notes, []
         load = WheelLoad.of(self.arm.model, self.arm.wheels, self.momentum_on_board - moved, torque)
         return [*notes, *load.exceeded], [load.table()]
+
+    @property
+    def momentum_jump(self) -> float:
+        """Largest jump of D_q dq, the attitude held, with the joint rates [N m s]."""
+        if not self.jumps:
+            return 0.0
+        q, change = (np.array([jump[i] for jump in self.jumps]) for i in (1, 2))
+        jumps, _ = momentum_and_torque(self.arm, q, change, np.zeros_like(q))
+        return float(np.linalg.norm(jumps, axis=1).max())
 
     @property
     def momentum_on_board(self) -> Array:
@@ -332,7 +378,7 @@ class Motion(Result):
 
     def _facts(self, i: int) -> dict[str, Measure]:
         """Return what there is to say of a configuration, by its names."""
-        cfg, report = self[i], singularity(self[i], mode=self.mode)
+        cfg = self[i]
         tips = zip(self.arm.tips, cfg.tips, strict=True)
         named = {name if len(cfg.tips) > 1 else "tip": tip.translation for name, tip in tips}
         return {
@@ -340,8 +386,8 @@ class Motion(Result):
             "attitude, rotation vector": Measure(pin.log3(cfg.base.rotation), "rad"),
             "attitude, quaternion xyzw": Measure(self.base[i, 3:]),
             **{name: Measure(place, "m") for name, place in named.items()},
-            "sigma_min": Measure(report.sigma_min, self.arm.sigma_unit),
-            "distance to the singular set": Measure(report.distance, "rad"),
+            "sigma_min": Measure(self.sigma_min[i], self.arm.sigma_unit),
+            "distance of a singular posture found": Measure(self.distance[i], "rad"),
         }
 
     @classmethod

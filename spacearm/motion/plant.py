@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import LARGEST, Array, Parameters, finite, named, positive
+from spacearm.arrays import LARGEST, Array, Parameters, finite, named, positive, shape_of, whole
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import EVENTS
@@ -176,6 +176,55 @@ class Integration(Parameters):
             positive(self.dt, "dt", "time [s]")
         if self.method not in METHODS:
             raise ConfigurationError(unknown("method", self.method, METHODS))
+
+
+@checked
+@dataclass(frozen=True, kw_only=True)
+class Sampling(Parameters):
+    """How a controller in a computer sees the arm and acts.
+
+    At each multiple of the period it is given what the sensors measure; its torques act after the
+    delay, until the next ones do. Noise is normally distributed, drawn anew at each sample. The
+    system CM, the momentum and what wheels hold are known exactly.
+
+    Attributes:
+        period: Time between two samples [s].
+        delay: Time after which torques act [s]; it may be longer than the period.
+        position_noise: Standard deviation of the measured joint positions [rad] or [m], one number
+            or (n,).
+        rate_noise: That of the joint rates [rad/s] or [m/s], likewise.
+        attitude_noise: That of the spacecraft's attitude, a turn about each of its axes [rad], one
+            number or (3,).
+        seed: Of the noise; run i of `simulate_many` is that of `simulate` with seed + i.
+    """
+
+    period: float
+    delay: float = 0.0
+    position_noise: npt.ArrayLike = 0.0
+    rate_noise: npt.ArrayLike = 0.0
+    attitude_noise: npt.ArrayLike = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        positive(self.period, "period", "time [s]")
+        whole(self.seed, "seed", 0)
+        if (delay := float(finite(self.delay, (), "delay", "[s]"))) < 0.0:
+            raise ConfigurationError(f"delay is {delay}; give a time from 0 on [s]")
+
+    def noise(self, n: int) -> Array:
+        """Return the standard deviations (2 n + 3,) of positions, rates and attitude.
+
+        Raises:
+            ConfigurationError: They are of other shapes, or below 0.
+        """
+        parts = []
+        for name, size in (("position_noise", n), ("rate_noise", n), ("attitude_noise", 3)):
+            value, shape = getattr(self, name), (size,) if shape_of(getattr(self, name)) else ()
+            deviation = finite(value, shape, name, f"(standard deviation), one number or {size}")
+            if deviation.min() < 0.0:
+                raise ConfigurationError(f"{name} is {value!r}; give deviations from 0 on")
+            parts.append(np.broadcast_to(deviation, size))
+        return np.concatenate(parts)
 
 
 def wheel_torques(values: npt.ArrayLike, count: int) -> Array:

@@ -7,11 +7,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.equations.integration import COLLAPSED, FAILED, state_of
+from spacearm.equations.integration import COLLAPSED, FAILED, FINISHED, RUNNING, state_of
 from spacearm.equations.measures import measures, nearest
-from spacearm.equations.plant import crossing, observe, torques
+from spacearm.equations.plant import Parts, crossing, observe, torques
 from spacearm.errors import NoSolutionError, SpaceArmError
 from spacearm.mechanics import distance
 from spacearm.mechanics.arm_kernels import WIDE
@@ -31,7 +32,7 @@ from spacearm.motion.events import (
     is_exact,
 )
 from spacearm.motion.motion import Trajectory, drift_of
-from spacearm.motion.plant import Integration
+from spacearm.motion.plant import Integration, Sampling
 from spacearm.motion.system import Prepared, System, WantedEvent
 from spacearm.singularities.nearest import local_offsets
 
@@ -283,6 +284,33 @@ PROBES = np.append(0.0, np.geomspace(1e-15, 1e-3, 13))
 Progress = Callable[[float, float], object] | None
 
 
+class Sensors:
+    """What a sampled controller is given of the states of runs.
+
+    Args:
+        sampling: With the noise.
+        runs: The numbers of the runs, each with a noise of its own.
+        at: Where the parts of a state stand.
+    """
+
+    def __init__(self, sampling: Sampling, runs: Sequence[int], at: Parts) -> None:
+        self.noise, self.at = sampling.noise(at.q.stop), at
+        self.random = [np.random.default_rng(sampling.seed + run) for run in runs]
+
+    def measured(self, runs: Whole, y: Array) -> Array:
+        """Return states (r, states) with noise, those of some of the runs."""
+        if not self.noise.any():
+            return y
+        n, seen = self.at.q.stop, y.copy()
+        off = self.noise * [self.random[run].normal(size=2 * n + 3) for run in runs]
+        seen[:, self.at.q] += off[:, :n]
+        seen[:, self.at.dq] += off[:, n : 2 * n]
+        for row, turn in zip(seen, off[:, 2 * n :], strict=True):
+            attitude = pin.Quaternion(row[self.at.attitude]) * pin.Quaternion(pin.exp3(turn))
+            row[self.at.attitude] = attitude.coeffs()
+        return seen
+
+
 class Runs:
     """Runs of one kind, side by side.
 
@@ -292,6 +320,7 @@ class Runs:
         t: (o,) times of the outputs, the end left out [s].
         duration: The end [s].
         how: Tolerances and method.
+        numbers: Their numbers, of the noise of sensors; from 0 on if None.
     """
 
     def __init__(
@@ -301,8 +330,10 @@ class Runs:
         t: Array,
         duration: float,
         how: Integration,
+        numbers: Sequence[int] | None = None,
     ) -> None:
         m, first = len(systems), systems[0]
+        self.numbers = range(m) if numbers is None else numbers
         self.systems, self.times, self.duration = systems, t, duration
         self.batch = Batch(systems, prepared, how)
         self.wanted, self.called = prepared[0].wanted, prepared[0].notes
@@ -336,7 +367,8 @@ class Runs:
                     self._note(self.crossings.within(steps), steps)
                 self._write(steps)
                 if progress:
-                    progress(float(batch.t.min()), self.duration)
+                    going = np.isin(batch.status, (RUNNING, FINISHED))
+                    progress(float(np.where(going, batch.t, self.duration).mean()), self.duration)
         except KeyboardInterrupt:
             self._interrupt()
         if batch.outside.interrupted:
@@ -348,24 +380,28 @@ class Runs:
     def _interrupt(self) -> None:
         self.ended = ["interrupted" if e == "duration" else e for e in self.ended]
 
-    def advance_sampled(self, end: float, period: float, delay: float, progress: Progress) -> None:
-        """Go on with torques that are sampled, act after a delay and are then held; of one run."""
-        batch, k, t, every = self.batch, 0, 0.0, np.zeros(1, np.int64)
-        batch.held = np.zeros((1, batch.n))
+    def advance_sampled(self, end: float, sampling: Sampling, progress: Progress) -> None:
+        """Go on with torques that are sampled, act after a delay and are then held."""
+        batch, period, k, t = self.batch, sampling.period, 0, 0.0
+        batch.held = np.zeros((len(batch), batch.n))
+        sensors = Sensors(sampling, self.numbers, self.at)
         waiting: deque[tuple[float, Array]] = deque()
-        while self.ended[0] == "duration" and t < end:
+        while t < end and len(going := np.flatnonzero(np.array(self.ended) == "duration")):
             due = waiting[0][0] if waiting else np.inf
             until = min(k * period, due, end)
-            if until > batch.t[0] + SAME * period:
+            if until > t + SAME * period:
                 batch.stiff[:] = 0.0
                 self.advance(until, progress if k % REPORT == 0 else None)
+                going = np.flatnonzero(np.array(self.ended) == "duration")
             t = until
-            if k * period <= t + SAME * period and t < end and self.ended[0] == "duration":
-                tau = batch.compute(torques, every, {"t": batch.t, "y": batch.y})
-                if not np.isfinite(tau).all():
-                    self._fail(0)
-                    return
-                waiting.append((k * period + delay, tau))
+            if k * period <= t + SAME * period and t < end and len(going):
+                tau = np.zeros((len(batch), batch.n))
+                seen = {"t": batch.t[going], "y": sensors.measured(going, batch.y[going])}
+                tau[going] = batch.compute(torques, going, seen)
+                for run in going[~np.isfinite(tau[going]).all(axis=1)]:
+                    batch.status[run] = FAILED
+                    self._fail(int(run))
+                waiting.append((k * period + sampling.delay, tau))
                 k += 1
             while waiting and waiting[0][0] <= t + SAME * period:
                 _, batch.held = waiting.popleft()

@@ -8,8 +8,10 @@ of its energy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from threading import Event
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,11 +24,11 @@ from spacearm.mechanics.arm_kernels import structure_of
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
-from spacearm.motion.controllers import Controller, check_target
+from spacearm.motion.controllers import Controller, Laws, check_target
 from spacearm.motion.goal import Origin, started
 from spacearm.motion.motion import Trajectory
-from spacearm.motion.plant import Integration, Plant
-from spacearm.motion.run import Runs
+from spacearm.motion.plant import Integration, Plant, Sampling
+from spacearm.motion.run import Progress, Runs
 from spacearm.motion.system import Prepared, System, prepared, wanted_events
 from spacearm.signatures import checked
 
@@ -38,23 +40,24 @@ AUDIT = 1e4
 STILL = 1e2
 """How many times `atol` [J] that of energy may be off besides: all there is near rest."""
 OUTPUTS = 1000
+ROUNDING = 1e-9
+"""Share of an interval of the output up to which the last one is not worth a row of its own."""
 
 
 @checked
 def simulate(
     start: Configuration,
-    controller: Controller | Mapping[str, Controller],
+    controller: Laws,
     duration: float,
     *,
     dq: npt.ArrayLike | None = None,
     mode: BaseMode = "free-floating",
     origin: Origin = "spacecraft",
     plant: Plant = Plant(),
+    sampling: Sampling | None = None,
     stop: Sequence[str] = (),
-    period: float | None = None,
-    delay: float = 0.0,
     integration: Integration = Integration(),
-    progress: Callable[[float, float], object] | None = None,
+    progress: Progress = None,
 ) -> Trajectory:
     """Simulate an arm under the torques of a controller.
 
@@ -73,10 +76,9 @@ def simulate(
             says, so that poses of `SpaceArm.at` are goals as they are; or "cm", the system CM at
             the start, as for points of a `Workspace`, the pose giving the attitude.
         plant: What acts besides: wheels, wrenches, thrusters, springs and friction, motor limits.
+        sampling: Period, delay and noise of a controller of fixed rate, which holds its torques in
+            between; None for one that acts at all times.
         stop: Events that end the run; see `Integration`.
-        period: Period of a controller of fixed rate, which holds its torques in between [s]; None
-            for one that acts at all times.
-        delay: Time after which these torques act [s]; it may be longer than the period.
         integration: Tolerances, spacing of the output, and the events that are noted.
         progress: Called now and then as progress(t, duration), both simulated time [s].
 
@@ -105,15 +107,9 @@ def simulate(
     dt = duration / OUTPUTS if integration.dt is None else integration.dt
     if dt > duration:
         raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
-    run = Runs([system], [ready], np.arange(0.0, duration, dt), duration, integration)
-    if period is None:
-        run.advance(duration, progress)
-    else:
-        period = positive(period, "period", "time [s]")
-        delay = float(finite(delay, (), "delay", "[s]"))
-        if delay < 0.0:
-            raise ConfigurationError(f"delay is {delay}; give a time from 0 on [s]")
-        run.advance_sampled(duration, period, delay, progress)
+    rows = dt * np.arange(math.ceil(duration / dt - ROUNDING))
+    run = Runs([system], [ready], rows, duration, integration)
+    _advance(run, duration, sampling, progress)
     fault = run.fault[0]
     if fault and run.batch.steps[0] == 0:
         raise NoSolutionError(f"{arm.name}: {fault}", None)
@@ -122,6 +118,14 @@ def simulate(
         raise NoSolutionError(f"{arm.name}: {fault}", result)
     _audit(result, run.drift, integration)
     return result
+
+
+def _advance(run: Runs, duration: float, sampling: Sampling | None, progress: Progress) -> None:
+    """Go on to the end."""
+    if sampling is None:
+        run.advance(duration, progress)
+    else:
+        run.advance_sampled(duration, sampling, progress)
 
 
 def _audit(result: Trajectory, drift: float, integration: Integration) -> None:
@@ -140,12 +144,10 @@ def _audit(result: Trajectory, drift: float, integration: Integration) -> None:
             )
 
 
-def _by_tip(
-    arm: SpaceArm, controller: Controller | Mapping[str, Controller]
-) -> dict[int, Controller]:
+def _by_tip(arm: SpaceArm, controller: Laws) -> dict[int, Controller]:
     """Return the controllers by the number of the tip that they lead, -1 for all joints."""
     if not isinstance(controller, Mapping):
-        arm.require_one_tip()  # whose path the trajectory holds
+        arm.require_one_tip()
         return {-1: controller}
     for tip in controller:
         if tip not in arm.tips:
@@ -159,6 +161,8 @@ FAILURES = ("controller failed", "equations failed", "step collapsed")
 """Ends of runs that are no results."""
 LOOKS = 200
 """Outputs of a run over which the least sigma_min and the largest turn are taken."""
+LOOK = 0.2
+"""Time between two reports of progress, where no runs end [s]."""
 PIECE = 256
 """Runs side by side, between two reports."""
 KINDS = 8
@@ -179,18 +183,18 @@ UNITS = {
 @checked
 def simulate_many(
     starts: Configuration | Sequence[Configuration],
-    controller: Controller | Sequence[Controller],
+    controller: Laws | Sequence[Laws],
     duration: float,
     *,
     dq: npt.ArrayLike | None = None,
-    payload: npt.ArrayLike | None = None,
     mode: BaseMode = "free-floating",
     plant: Plant = Plant(),
+    sampling: Sampling | None = None,
     stop: Sequence[str] = (),
     distance: bool = False,
     integration: Integration = COARSE,
     threads: int | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress = None,
 ) -> xr.Dataset:
     """Simulate m runs of an arm, side by side on all processors.
 
@@ -199,18 +203,19 @@ def simulate_many(
 
     Args:
         starts: m configurations of one arm, as in `simulate`, or of arms that differ by masses
-            only; one if all start alike.
-        controller: The controller of all runs, or m of one kind: with their own gains and targets.
+            only, such as `arm.replace(payload=)`; one if all start alike. `Configuration.centred`
+            puts the system CM at the origin.
+        controller: As in `simulate`, for all runs; or m of them, with gains and targets of each.
         duration: How long each run is [s].
         dq: (m, n) or (n,) joint rates at the start [rad/s] or [m/s]; zeros if None.
-        payload: (m,) point masses held at the tip [kg], as in `SpaceArm.replace`; none if None.
         mode: As in `simulate`.
         plant: As in `simulate`, for all runs.
+        sampling: As in `simulate`, with noise of its own for each run.
         stop: Which events end a run.
         distance: Whether `distance` is wanted too; it is NaN if not.
         integration: As in `simulate`, here with tolerances of 1e-6 and 1e-8; without `dt`.
         threads: Number of threads; one per available processor if None.
-        progress: Called as progress(done, m) now and then.
+        progress: Called as progress(done, m) now and then; parts of runs count.
 
     Returns:
         A dataset along "run": `success` (the target was reached), `time_to_target`,
@@ -224,7 +229,7 @@ def simulate_many(
 
     Raises:
         ConfigurationError: An argument does not make sense.
-        UnsupportedError: The arm has several tips.
+        UnsupportedError: The arm has several tips and one controller, or no wheels to hold.
 
     Example:
         >>> import spacearm as sa
@@ -247,45 +252,57 @@ def simulate_many(
         raise ConfigurationError("dt is given; simulate_many keeps no outputs, so leave it out")
     sizes = [] if one else [len(listed)]
     sizes += [shape_of(dq)[0]] if each else []
-    sizes += [] if payload is None else [np.size(payload)]
     sizes += [len(laws)] if several else []
-    if len(set(sizes)) > 1 or 0 in sizes or len({type(law) for law in laws}) != 1:
+    if len(set(sizes)) > 1 or 0 in sizes:
         raise ConfigurationError(
-            f"starts, dq, payload and controller are of {sizes} runs; give each once or as many "
-            "times as the others, and controllers of one kind"
+            f"starts, dq and controller are of {sizes} runs; give each once or as many "
+            "times as the others"
         )
     m, rates = max(sizes, default=1), np.zeros((max(sizes, default=1), arm.n))
     if dq is not None:
         rates[:] = finite(dq, (m, arm.n) if each else (arm.n,), "dq")
-    arms = _with_payloads([listed[i % len(listed)].arm for i in range(m)], payload)
-
-    def system(i: int) -> System:
-        cfg, own = listed[i % len(listed)], arms[i]
-        if cfg.arm is not own:
-            cfg = own.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=cfg.momentum)
-        return System(cfg, mode, plant, {-1: laws[i % len(laws)]}, rates[i])
-
-    systems = [system(i) for i in range(m)]
+    systems = [
+        System(listed[i % len(listed)], mode, plant, _by_tip(arm, laws[i % len(laws)]), rates[i])
+        for i in range(m)
+    ]
+    if sampling is not None:
+        sampling.noise(arm.n)  # raises for one that makes no sense
     ready = _prepared_all(systems, stop, integration)
     looks = np.linspace(0.0, duration, LOOKS, endpoint=False)
-
-    def simulated(runs: list[int]) -> tuple[list[int], Mapping[str, npt.NDArray[Any]]]:
-        mine = [systems[i] for i in runs]
-        side = Runs(mine, [ready[i] for i in runs], looks, duration, integration)
-        side.advance(duration)
-        return runs, side.summary(distance)
-
     workers = processors() if threads is None else whole(threads, "threads", 1)
+    pieces = list(_pieces(ready, min(PIECE, -(-m // workers))))
+    shares, stopped = np.zeros(len(pieces)), Event()
+
+    def simulated(k: int) -> Mapping[str, npt.NDArray[Any]]:
+        runs = pieces[k]
+
+        def tell(t: float, _: float) -> None:
+            if stopped.is_set():
+                raise KeyboardInterrupt
+            shares[k] = len(runs) * t / duration
+
+        mine, own = [systems[i] for i in runs], [ready[i] for i in runs]
+        side = Runs(mine, own, looks, duration, integration, runs)
+        _advance(side, duration, sampling, tell)
+        shares[k] = len(runs)
+        return side.summary(distance)
+
     found: dict[str, npt.NDArray[Any]] = {}
     with ThreadPoolExecutor(workers) as pool:
-        done = 0
-        for runs, summary in pool.map(simulated, _pieces(ready, min(PIECE, -(-m // workers)))):
-            for name, values in summary.items():
-                every = np.empty((m, *values.shape[1:]), values.dtype)
-                found.setdefault(name, every)[runs] = values
-            done += len(runs)
-            if progress:
-                progress(done, m)
+        try:
+            jobs = {pool.submit(simulated, k): runs for k, runs in enumerate(pieces)}
+            while jobs:
+                done, _ = wait(jobs, LOOK, FIRST_COMPLETED)
+                for job in done:
+                    runs = jobs.pop(job)
+                    for name, values in job.result().items():
+                        every = np.empty((m, *values.shape[1:]), values.dtype)
+                        found.setdefault(name, every)[runs] = values
+                if progress:
+                    progress(float(shares.sum()), m)
+        finally:  # an interrupt ends the runs that go on, and those that have not begun
+            stopped.set()
+            pool.shutdown(wait=False, cancel_futures=True)
     found["q0"] = np.array([system.start.q for system in systems])
     columns = {"q": ("joint",), "dq": ("joint",), "q0": ("joint",), "base": ("pose",)}
     data = {
@@ -311,7 +328,8 @@ def _prepared_all(
     systems: Sequence[System], stop: Sequence[str], integration: Integration
 ) -> list[Prepared]:
     """Return what the equations take of each run; the same where the systems do not differ."""
-    first, laws = systems[0], {id(law) for one in systems for law in one.controllers.values()}
+    first = systems[0]
+    laws = {tuple((tip, id(law)) for tip, law in one.controllers.items()) for one in systems}
 
     def ready(system: System) -> Prepared:
         wanted = wanted_events(system, integration, stop)
@@ -325,11 +343,15 @@ def _prepared_all(
 
 
 def _pieces(ready: Sequence[Prepared], size: int) -> Iterator[list[int]]:
-    """Return the numbers of runs that go side by side: those of one setup, so many at most."""
+    """Return the numbers of runs that go side by side: those of one setup, so many at most.
+
+    Runs whose functions are called in Python go one by one: nothing is gained side by side.
+    """
     setups: dict[Any, list[int]] = {}
     for i, one in enumerate(ready):
         setups.setdefault(one.setup, []).append(i)
     for runs in setups.values():
+        size = 1 if ready[runs[0]].outside else size
         yield from (runs[at : at + size] for at in range(0, len(runs), size))
 
 
@@ -338,27 +360,10 @@ def _arm_of(starts: Sequence[Configuration]) -> SpaceArm:
 
     Raises:
         ConfigurationError: There are none, or their arms differ by more than masses.
-        UnsupportedError: It has several tips.
     """
     if not starts:
         raise ConfigurationError("starts is empty; give configurations: [arm.at(q) for q in Q0]")
     arm = starts[0].arm
     if any(structure_of(own) != structure_of(arm) for own in {cfg.arm for cfg in starts}):
         raise ConfigurationError("the starts are of several arms; give configurations of one arm")
-    arm.require_one_tip()
     return arm
-
-
-def _with_payloads(arms: Sequence[SpaceArm], payload: npt.ArrayLike | None) -> Sequence[SpaceArm]:
-    """Return the arm of each run."""
-    if payload is None:
-        return arms
-    masses = finite(payload, (len(arms),), "payload", "[kg], one for each run")
-    if masses.min() < 0.0:
-        raise ConfigurationError(f"payload has {masses.min():g} kg; give masses from 0 on")
-    pairs = list(zip(arms, masses.tolist(), strict=True))
-    kinds = {
-        (arm, mass): arm.replace(payload=mass) if mass else arm
-        for arm, mass in dict.fromkeys(pairs)
-    }
-    return [kinds[pair] for pair in pairs]

@@ -102,9 +102,7 @@ class System:
                 f"wheels turn the spacecraft and mode is {self.mode!r}; give mode='free-floating'"
             )
         if not arm.wheels:
-            raise UnsupportedError(
-                f"{arm.name} has no wheels; load it with wheels=[...], the names of joints"
-            )
+            raise UnsupportedError(f"{arm.name} has no wheels; name their joints by wheels=[...]")
         if self.motors is not None:
             wheel_torques(self.motors(0.0), len(arm.wheels))
 
@@ -173,11 +171,9 @@ class System:
             placed = kinematics(arm, q, self.start.base)
         else:
             attitude = pin.Quaternion(quaternion / np.linalg.norm(quaternion))
-            turned = kinematics(arm, q, pin.SE3(attitude, np.zeros(3)))
-            placed = turned.centred(y[at.com])
-        if not arm.wheels and not h.any():
-            return placed
-        return arm.at(q, base=placed.base, wheels=y[at.wheels], momentum=h)
+            placed = kinematics(arm, q, pin.SE3(attitude, np.zeros(3)), y[at.com].copy())
+        placed = placed.with_momentum(h) if h.any() else placed
+        return placed.with_wheels(y[at.wheels]) if arm.wheels else placed
 
     def acting(self, t: Array, q: Array, base: Array) -> dict[str, Array]:
         """Return the wrenches on each link that is pushed, along inertial axes.

@@ -19,7 +19,7 @@ from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.floating import walk
 from spacearm.mechanics.jacobian import singular_values, task_jacobian
-from spacearm.model.arguments import FLOATING, HELD
+from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
 from spacearm.model.joints import joint_vector
@@ -33,10 +33,10 @@ from spacearm.planning.reactions import largest_turn
 from spacearm.planning.request import Joints, PlanRequest
 from spacearm.planning.result import IGNORED, Attempt, Plan, best_attempt
 from spacearm.planning.timing import rest_to_rest_times
-from spacearm.singularities.nearest import angle
+from spacearm.singularities.nearest import NearestSearch, angle, nearest_locally
 from spacearm.singularities.report import NO_INVERSE, TOLERANCE
 from spacearm.singularities.rounding import proven_sign
-from spacearm.singularities.sets import prove_regular
+from spacearm.singularities.sets import prove_regular, prove_way
 
 Rows: TypeAlias = list[Configuration]
 """The configurations along a motion, which is straight in joint space between them."""
@@ -139,21 +139,24 @@ class Problem:
             NoSolutionError: They do not.
         """
         arm, q = self.start.arm, np.array([cfg.q for cfg in rows])
+        proven, mode = self._proven
         distance = self._distances(q)
         worst = int(np.argmin(distance))
         if distance[worst] < self.target.clearance:
-            raise self._failure(
-                "singular",
-                f"the distance to the singular set falls to {angle(distance[worst])} at "
-                f"q = {arm.in_words(q[worst])}, below the clearance of "
-                f"{angle(self.target.clearance)}",
-            )
+            found = nearest_locally(proven, mode, q[worst])
+            near = distance[worst] if found is None else found[1]
+            if distance[worst] < 0.0 or near < self.target.clearance:
+                raise self._failure(
+                    "singular",
+                    f"a singular posture is found {angle(max(near, 0.0))} from "
+                    f"q = {arm.in_words(q[worst])}, and the clearance is "
+                    f"{angle(self.target.clearance)}",
+                )
         over = self._over(q).max(axis=0)
         if over.max() > 0.0:
             name = arm.joint_names[int(over.argmax())]
             raise self._failure("limits", f"joint {name!r} goes {over.max():.2g} beyond its limit")
         self._check_turn(rows)
-        proven, mode = (self.request.held, HELD) if self.request.held else (arm, FLOATING)
         for i in range(0, max(len(q) - 1, 1), TOGETHER):
             self.account.check_time()
             proof = prove_regular(proven, q[i : i + TOGETHER + 1], mode=mode)
@@ -166,6 +169,12 @@ class Problem:
         if (contact := self.contact(rows[0], q, rows=rows)) is not None:
             raise NoSolutionError(str(contact))
         return rows
+
+    @property
+    def _proven(self) -> tuple[SpaceArm, BaseMode]:
+        """The arm of which singular postures count, and what its spacecraft does."""
+        held = self.request.held
+        return (held, HELD) if held else (self.start.arm, FLOATING)
 
     def _failure(self, cause: str, why: str, rows: Rows | None = None) -> NoSolutionError:
         """Count what stops a motion, by the words of `account.WAYS`; return the error for it."""
@@ -254,15 +263,44 @@ class Problem:
         return GuessFinder(start, target, WAVES, rng, self.account, self.collisions)
 
     def arrived(self, found: Plan, failed: Iterable[Attempt]) -> Plan:
-        """Return a plan that has passed `check`, with what that covers and what failed before."""
-        story = found.travel if len(found.arm.tips) > 1 else f"{found.travel}, {found.nearest}"
-        last = Attempt(found.method, True, "; ".join(filter(None, (story, self.note))))
+        """Return a plan that has passed `check`, with what that covers and what failed before.
+
+        Raises:
+            NoSolutionError: What is flown is not proven to keep the clearance.
+        """
+        try:
+            prove_clearance(found, *self._proven)
+        except NoSolutionError as error:
+            raise self._failure("singular", str(error), [*found]) from None
+        last = Attempt(found.method, True, "; ".join(filter(None, (found.travel, self.note))))
         return replace(found, tried=(*failed, last), **_covered(self.collisions))
 
 
 def travel(rows: Rows) -> float:
     """Return the sum of the motions of all joints [rad] or [m]."""
     return float(np.abs(np.diff([cfg.q for cfg in rows], axis=0)).sum())
+
+
+def prove_clearance(found: Plan, arm: SpaceArm, mode: BaseMode) -> None:
+    """Prove that a plan as flown keeps the clearance that was asked for, where J* has minors.
+
+    Args:
+        found: The plan.
+        arm: The arm whose singular postures count.
+        mode: What its spacecraft does.
+
+    Raises:
+        NoSolutionError: It is not proven; says how much is.
+    """
+    proof = prove_way(arm, mode, found.control_points, found.clearance)
+    if proof is None or proof or proof.at is None:
+        return
+    much = f"a clearance of {angle(proof.clearance, down=True)}" if proof.clearance else "nothing"
+    raise NoSolutionError(
+        f"of the {angle(found.clearance)} asked for, {much} is proven, up to "
+        f"q = {arm.in_words(proof.at)}",
+        found,
+    )
 
 
 def recheck(found: Plan, account: SearchAccount) -> Plan:
@@ -357,11 +395,7 @@ def _check_joints(cfg: Configuration, q: Array, target: Target) -> None:
     _check_within(cfg.arm, "goal", q, target.lower, target.upper)
     if apart := parted(cfg, cfg.arm.at(q)):
         raise ImpossibleError(f"impossible, proven: {apart}; {OTHER_POSTURE}")
-    if (distance := distance_at(cfg.arm.at(q), "free-floating")) < target.clearance:
-        raise NoSolutionError(
-            f"the goal has a distance of {angle(distance)} to the singular set, below the "
-            f"clearance of {angle(target.clearance)}"
-        )
+    _check_clear(cfg.arm.at(q), "goal", target.clearance)
 
 
 def parted(start: Configuration, goal: Configuration) -> str:
@@ -416,7 +450,8 @@ def clearance_of(cfg: Configuration, clearance: float | None) -> tuple[float, fl
         NoSolutionError: The start has less.
     """
     sigma = singular_values(cfg)
-    distance = distance_at(cfg, "free-floating")
+    near = nearest_locally(cfg.arm, FLOATING, cfg.q)
+    distance = distance_at(cfg, FLOATING) if near is None else near[1]
     if sigma[-1] <= NO_INVERSE * sigma[0]:
         values = f"sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}"
         if distance > TOLERANCE:
@@ -430,9 +465,15 @@ def clearance_of(cfg: Configuration, clearance: float | None) -> tuple[float, fl
     ample = min(AMPLE, 0.5 * distance)
     if clearance is None:
         return min(LEAST, 0.5 * distance), ample
-    if distance < clearance:
-        raise NoSolutionError(
-            f"the start has a distance of {angle(distance)} to the singular set, below the "
-            f"clearance of {angle(float(clearance))}"
-        )
+    _check_clear(cfg, "start", float(clearance))
     return float(clearance), ample
+
+
+def _check_clear(cfg: Configuration, what: str, clearance: float) -> None:
+    """Raise a NoSolutionError if a singular posture is found nearer than a clearance [rad]."""
+    near = NearestSearch(cfg.arm, FLOATING, cfg.q[None]).nearest() if clearance else None
+    if near is not None and (distance := float(np.linalg.norm(near))) < clearance:
+        raise NoSolutionError(
+            f"a singular posture is found {angle(distance)} from the {what}, and the clearance is "
+            f"{angle(clearance)}"
+        )

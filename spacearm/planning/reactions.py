@@ -246,8 +246,8 @@ class Wheels:
         """
         if not cfg.arm.wheels:
             raise UnsupportedError(
-                f"{cfg.arm.name} has no wheels to take up momentum; load it with wheels=[...], the "
-                "names of joints"
+                f"{cfg.arm.name} has no wheels to take up momentum; name their joints by "
+                "wheels=[...]"
             )
         return cls.of(replace(cfg, momentum=AT_REST), hold)
 

@@ -12,11 +12,11 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, Parameters, plain, positive, whole
-from spacearm.collisions.obstacles import Obstacle, obstacles_of
-from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
+from spacearm.collisions.obstacles import Obstacle, ObstacleLike, obstacles_of
+from spacearm.errors import ConfigurationError, listed, unknown
+from spacearm.model.arguments import require_possible
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.goal import Goal, Origin, goal_pose, started
-from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.account import Progress, SearchAccount
 from spacearm.planning.timing import for_each_joint, largest_rates
@@ -58,9 +58,9 @@ class Constraints(Parameters):
             `.mesh` and `.robot`, and configurations or motions of other robots; one or several.
             Those that move begin with the plan. That none is met is proven for the motion with the
             spacecraft turning as it does.
-        clearance: How far from the singular set the motion stays at least [rad], to first order as
-            in `singularity`, from 0 to 1; if None, 0.1 degrees, but no more than half of what the
-            start has.
+        clearance: How far from every singular posture the motion stays at least [rad], from 0 to 1:
+            proven of what is flown where J* has minors, else to first order at the rows. If None,
+            0.1 degrees, but no more than half of what the start has.
         keep_attitude: Largest turn of the floating spacecraft on the way [rad], proven between the
             rows too; joints of another arm, if they count, move so as to keep it. None for any.
         rates: Largest joint rates [rad/s] or [m/s], one number or (n,); if None those of the
@@ -75,7 +75,7 @@ class Constraints(Parameters):
 
     limits: bool = True
     collisions: bool = True
-    obstacles: Obstacle | Configuration | Motion | Sequence[Obstacle | Configuration | Motion] = ()
+    obstacles: ObstacleLike | Sequence[ObstacleLike] = ()
     clearance: float | None = None
     keep_attitude: float | None = None
     rates: npt.ArrayLike | None = None
@@ -182,7 +182,7 @@ class PlanRequest:
 
         Raises:
             ConfigurationError: An argument does not make sense.
-            UnsupportedError: The arm has fewer joints than its task has rows, or several tips, of
+            UnsupportedError: The arm can never do its task, or has several tips, of
                 which none is named.
         """
         start, goals = started(start, origin), dict[str, Goal]()
@@ -192,11 +192,7 @@ class PlanRequest:
         arm, goals = start.arm, goals if len(goals) > 1 else {}
         if not goals:
             arm.require_one_tip()  # whose path the plan holds
-        if arm.n < arm.task.k:
-            raise UnsupportedError(
-                f"{arm.name} has {arm.n} joints for {arm.task.k} task rows ({arm.task.names}) and "
-                f"can never do this task; take one with {arm.n} rows"
-            )
+        require_possible(arm, "free-floating")
         return cls(
             start=start,
             goal=goal,

@@ -21,11 +21,14 @@ from spacearm.motion.motion_file import Quantity
 from spacearm.planning.many_curves import FlownRows
 from spacearm.planning.timing import corners, largest_rates, rest_to_rest_spline, rest_to_rest_times
 from spacearm.polynomial.certificate import Certificate
+from spacearm.polynomial.tubes import of_spline
 from spacearm.results import Cell, Description, Measure, Result, Table
 from spacearm.signatures import checked
-from spacearm.singularities.nearest import angle
-from spacearm.singularities.report import FAR
+from spacearm.singularities.nearest import NearestSingular, nearness
+from spacearm.singularities.sets import nearest_on_way, prove_regular, prove_way
 
+SPLINE = 1e-4
+"""How far the splines that are flown may be from chords that stand for them, about [rad]."""
 IGNORED = "collisions NOT checked (collisions=False)"
 FAILED = "collisions NOT checked of this attempt"
 
@@ -67,12 +70,14 @@ class Plan(Motion):
     """A motion of the joints from rest to rest, from `sa.plan`: a `Motion` with more to it.
 
     `sa.Tracking` leads the joints through the rows along quintic splines, which arrive:
-    `arrival_error` says how exactly. Clearance and collisions are checked along the straight lines
-    between the rows, which keep the velocity limits of the URDF.
+    `arrival_error` says how exactly. `nearest` and `certificate` are of these splines, rounding
+    included. Collisions are checked along the straight lines between the rows, which keep the
+    velocity limits of the URDF.
 
     Attributes:
         method: The method that found it.
-        clearance: Least distance to the singular set that was asked for [rad].
+        clearance: Least distance to the singular set that was asked for [rad]; the one that is
+            proven, as a rule larger, is `certificate.clearance`.
         checked: What the check of collisions covers and what it does not, in one sentence.
         apart: Whether it is proven that no two of the bodies checked meet; None if none were.
         tried: All methods that were tried, in order.
@@ -173,12 +178,41 @@ class Plan(Motion):
         return float(np.abs(np.diff(self.q, axis=0)).sum())
 
     @property
-    def nearest(self) -> str:
-        """How near to a singularity the rows come, to first order, in words."""
-        least = float(self.distance.min())
-        far = f"over {angle(FAR)}" if least > FAR else angle(least)
-        sigma = f"sigma_min down to {self.sigma_min.min():.3g} {self.arm.sigma_unit}"
-        return f"to first order {far} from a singular posture, {sigma}"
+    def control_points(self) -> Array:
+        """(pieces, 6, n) control points of the splines that are flown."""
+        if len(self) == 1:
+            return super().control_points
+        return of_spline(rest_to_rest_spline(self.t, self.q), SPLINE)
+
+    @cached_property
+    def nearest(self) -> NearestSingular | None:
+        """The singular posture nearest to what is flown, found, and how near none is, proven.
+
+        None where no search finds one.
+        """
+        return nearest_on_way(self.arm, self.mode, self.control_points)
+
+    @cached_property
+    def certificate(self) -> Certificate | None:
+        """The proof that what is flown meets no singularity; its clearance is the largest proven.
+
+        None where the minors of J* are no polynomials, as with mimic joints, or too large.
+        """
+        proof = prove_regular(self.arm, self.q, mode=self.mode)
+        if not proof:
+            return proof
+        near = self.nearest
+        if near is not None and near.distance_proven:
+            return replace(proof, clearance=near.distance_proven)
+        flown = prove_way(self.arm, self.mode, self.control_points)
+        return proof if flown is None else replace(flown, margin=proof.margin)
+
+    @property
+    def clear(self) -> str:
+        """How far what is flown stays from singular postures: proven and found, in words."""
+        if self.nearest is None:
+            return "no singular posture found"
+        return nearness(self.nearest.distance, self.nearest.distance_proven)
 
     @property
     def travel(self) -> str:
@@ -198,9 +232,13 @@ class Plan(Motion):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, joint travel and certificate too."""
+        near = self.nearest
         return super().to_dict() | {
             "travel": self.length,
             "certificate": plain(self.certificate),
+            "nearest": None if near is None else plain(near.q),
+            "distance": None if near is None else near.distance,
+            "distance_proven": 0.0 if near is None else near.distance_proven,
             "arrival_error": self.arrival_error._asdict(),
         }
 
@@ -211,9 +249,10 @@ class Plan(Motion):
         apart = "none between the bodies checked, proven" if self.apart else met[self.apart]
         proof = None if self.certificate is None else bool(self.certificate)
         facts: dict[str, Cell] = {
-            "nearest row": self.nearest,
-            "asked for": Measure(self.clearance, "rad"),
             "singularities": met[proof],
+            "clearance": self.clear,
+            "clearance asked for": Measure(self.clearance, "rad"),
+            "least sigma_min": Measure(float(self.sigma_min.min()), self.arm.sigma_unit),
             "collisions": apart,
             "flown, the tip ends off by": Measure(self.arrival_error.tip, "m", ".1e"),
             "flown, the spacecraft ends off by": Measure(self.arrival_error.attitude, "rad", ".1e"),
@@ -246,7 +285,7 @@ class Plan(Motion):
 
     def __repr__(self) -> str:
         way = f"{self.method}: {self.travel}, {self.t[-1]:.4g} s"
-        return f"Plan({self.arm.label}, {way}, {self.nearest}, {len(self)} rows)"
+        return f"Plan({self.arm.label}, {way}, {len(self)} rows)"
 
 
 def landed(plan: AnyMotion, attitude: Array | None = None) -> AnyMotion:
@@ -304,9 +343,6 @@ class Connection(Result):
     path: Array = field(default_factory=lambda: np.empty((0, 0)))
     certificate: Certificate | None = None
 
-    def __repr__(self) -> str:
-        return f"Connection({self.arm.label}, {self.answer}: {self.reason})"
-
     def describe(self) -> Description:
         """Describe the answer and how it is known."""
         proven = {"yes": "yes, by a path that is proven free", "no": "no, proven"}
@@ -319,6 +355,6 @@ class Connection(Result):
         return Description(
             title=f"{self.arm.name}: connected without a singularity",
             verdict=proven.get(self.answer, self.answer),
-            notes=["NOT checked: collisions"],
             tables=[Table.facts(facts)],
+            not_checked="collisions",
         )

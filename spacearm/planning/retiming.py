@@ -27,6 +27,7 @@ from spacearm.planning.strategies.attitude_held import slowed
 from spacearm.planning.timing import corners, for_each_joint, largest_rates
 from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle
+from spacearm.singularities.sets import prove_way
 
 
 class Limits:
@@ -389,8 +390,11 @@ def _broken(before: Motion, timed: Motion) -> str | None:
     if (over > np.maximum(allowed, 0.0)).any():
         name = arm.joint_names[int((over - allowed).argmax())]
         return f"joint {name!r} goes {over.max():.2g} beyond its limit"
-    if (least := timed.distance.min()) < min(before.clearance, before.distance.min()):
-        return f"the distance to the singular set falls to {angle(least)}"
+    if (proof := before.certificate) is not None:
+        least = min(before.clearance, proof.clearance)
+        flown = prove_way(arm, timed.mode, timed.control_points, least)
+        if proof and flown is not None and not flown:
+            return f"only {angle(flown.clearance, down=True)} to singular postures are proven"
     if before.apart:
         contact = Collisions(arm, before.obstacles).contact(Recorded(timed))
         return None if contact is None else str(contact)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BSpline, CubicSpline, PPoly
+from scipy.interpolate import BPoly, BSpline, CubicSpline, PPoly
 
 from spacearm.arrays import Array, positive
 from spacearm.mechanics.dynamics import inverse_dynamics
@@ -30,8 +30,9 @@ class Tracking(Law):
     Where wheels bring a tumbling spacecraft to rest, the law minds their torques: `wheel_torques`,
     which `sa.simulate` takes as `wheels=`.
 
-    q_d is a spline through the rows of the motion over time; before it begins and after it
-    has ended the joints hold still. Plans start and end at rest.
+    q_d is a spline through the rows of the motion over time, and through their rates and
+    accelerations where these are its own, as of paths that are followed; before it begins and after
+    it has ended the joints hold still. Plans start and end at rest.
 
     Attributes:
         motion: The motion that the joints keep to.
@@ -46,13 +47,25 @@ class Tracking(Law):
 
     @cached_property
     def _wanted(self) -> PPoly:
-        if isinstance(self.motion, Plan):
-            return rest_to_rest_spline(self.motion.t, self.motion.q)
-        return CubicSpline(self.motion.t, self.motion.q)
+        motion = self.motion
+        if isinstance(motion, Plan):
+            return rest_to_rest_spline(motion.t, motion.q)
+        begin, end = motion.t[[0, -1]]
+        inner = [jump for jump in motion.jumps if begin < jump.t < end]
+        if {"dq", "ddq"} <= self._known and len(motion) > 1 and not inner:
+            rows = np.stack((motion.q, motion.dq, motion.ddq), axis=1)
+            return PPoly.from_bernstein_basis(BPoly.from_derivatives(motion.t, rows))
+        return CubicSpline(motion.t, motion.q)
 
     @cached_property
     def _momentum(self) -> Array:
-        return self.motion.momentum[0] if isinstance(self.motion, Plan) else np.zeros(6)
+        momentum = getattr(self.motion, "momentum", None)
+        return np.zeros(6) if momentum is None else np.array(momentum[0])
+
+    @property
+    def _known(self) -> set[str]:
+        """Names of what is given of the motion, not differenced."""
+        return {f.name for f in fields(self.motion)}
 
     @cached_property
     def _wheels(self) -> BSpline | None:

@@ -7,27 +7,25 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from scipy.spatial import ConvexHull
 
 from spacearm.arrays import Array
-from spacearm.description.bus import solid_box
-from spacearm.description.shapes import Box, Shape
-from spacearm.errors import ModelError, UnsupportedError, warn
+from spacearm.errors import UnsupportedError
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.plots.hulls import bare, draw_bodies, stand_ins
 from spacearm.plots.style import (
     BLUE,
     COLOURS,
     GREEN,
     GREY,
+    IN_FRONT,
     ORANGE,
     PURPLE,
     RED,
     annotate,
     axes_for,
     draws,
+    entitle,
     equal_axes,
     flat_rows,
 )
@@ -62,10 +60,10 @@ def draw_configuration(
             for planar arms whose task is the position of the tip.
     """
     axes = axes_for(ax, *SIZE, spatial=not in_plane(cfg))
-    draw_stick_figure(axes, cfg, color=color, label=label)
+    draw_posture(axes, cfg, color=color, label=label)
     if velocities:
         draw_velocities(axes, cfg)
-    axes.set_title(f"{cfg.arm.name}: spacecraft, arm and system CM (+)")
+    entitle(axes, f"{cfg.arm.name}: spacecraft, arm and system CM (+){stand_ins(cfg.arm)}")
     return axes.figure
 
 
@@ -85,50 +83,46 @@ def draw_arm(arm: SpaceArm, *, ax: Any = None, color: str = GREY, label: bool = 
 
 
 def in_plane(cfg: Configuration) -> bool:
-    """Return whether the arm has one tip and moves in a plane of inertial axes."""
+    """Return whether the arm moves in a plane of inertial axes."""
     normal = cfg.arm.tree.plane_normal()
-    return (
-        normal is not None
-        and len(cfg.arm.tips) == 1
-        and abs(cfg.base.rotation[normal, normal]) > 1.0 - 1e-9
-    )
+    return normal is not None and abs(cfg.base.rotation[normal, normal]) > 1.0 - 1e-9
 
 
-def draw_stick_figure(
-    axes: Any, cfg: Configuration, *, color: str = GREY, label: bool = True
+def draw_posture(
+    axes: Any, cfg: Configuration, *, color: str = GREY, label: bool = True, alpha: float = 1.0
 ) -> None:
-    """Draw a configuration into axes of the right kind: flat ones where `in_plane`.
+    """Draw the bodies of an arm and of its spacecraft, joints and tips, and the system CM.
+
+    Bodies are drawn by their visuals at their size; links without as lines from joint to joint.
 
     Args:
-        axes: Matplotlib axes.
+        axes: Matplotlib axes: three-dimensional ones unless `in_plane`.
         cfg: The configuration.
         color: Colour of the arm.
-        label: Whether to name the system CM and the tip.
+        label: Whether to name the system CM and the tips.
+        alpha: Opacity.
+
+    Raises:
+        UnsupportedError: The axes are flat, and the arm does not move in a plane.
     """
-    if in_plane(cfg):
-        draw_posture(axes, cfg, color=color, label=label)
-        if label:
-            rows = [i for i in range(3) if i != cfg.arm.tree.plane_normal()]
-            annotate(axes, "tip", cfg.tip.translation[rows], color)
-        axes.margins(0.12)
-        axes.set_aspect("equal", adjustable="datalim")
-        return
-    chains = [_places(cfg, tip) for tip in cfg.arm.tips]
-    centre = cfg.base.act(cfg.arm.model.inertias[1].lever)
-    for solid in _spacecraft(cfg):
-        axes.auto_scale_xyz(*solid.T, had_data=axes.has_data())
-        axes.add_collection3d(
-            Poly3DCollection(_faces(solid), facecolors=GOLD, shade=True, alpha=0.35)
-        )
-    for x in chains:
-        axes.plot(*np.vstack((centre, x[:1])).T, color=GREY, lw=1, ls=":")
-        axes.plot(*x.T, "-o", color=color, lw=4, ms=6, mfc="white", mec=color)
-    axes.plot(*cfg.com[:, None], marker="P", ms=9, color="black", ls="none")
+    arm, rows = cfg.arm, (0, 1, 2) if axes.name == "3d" else _rows(cfg)
+    draw_bodies(axes, cfg, rows, color, alpha)
+    over, without = {"zorder": IN_FRONT, "alpha": alpha}, set(bare(arm))
+    for name in arm.tips:
+        places, links = _places(cfg, name)
+        places = places[:, rows]
+        for i, link in enumerate(links):
+            if arm.tree.body_of[link] in without:
+                axes.plot(*places[i : i + 2].T, "-", color=color, lw=5, alpha=alpha)
+        axes.plot(*places.T, "-o", color=color, lw=1.2, ms=5, mfc="white", mec=color, **over)
+    axes.plot(*cfg.com[list(rows), None], marker="P", ms=9, color="black", ls="none", **over)
     if label:
-        annotate(axes, "CM", cfg.com, "black", below=True)
-        for name, x in zip(cfg.arm.tips, chains, strict=True):
-            annotate(axes, "tip" if len(chains) == 1 else name, x[-1], color)
-    equal_axes(axes)
+        annotate(axes, "CM", cfg.com[list(rows)], "black")
+        for name, tip in zip(arm.tips, cfg.tips, strict=True):
+            named = "tip" if len(arm.tips) == 1 else name
+            annotate(axes, named, tip.translation[list(rows)], color)
+    axes.margins(0.12)
+    equal_axes(axes, "".join("xyz"[i] for i in rows))
 
 
 @draws(UncertainArm)
@@ -155,7 +149,7 @@ def draw_virtual_manipulator_alone(result: VirtualManipulator, *, ax: Any = None
     axes = axes_for(ax, *SIZE, spatial=len(rows) == 3)
     _draw_chain(axes, result, rows)
     lengths = ", ".join(f"{x:.3g}" for x in np.linalg.norm(result.links, axis=1))
-    axes.set_title(f"Virtual Manipulator: links of {lengths} m")
+    entitle(axes, f"Virtual Manipulator: links of {lengths} m")
     return axes.figure
 
 
@@ -186,7 +180,7 @@ def draw_barycentric(result: Barycentric, *, ax: Any = None, chain: bool = True)
     axes.legend(frameon=False)
     equal_axes(axes, "".join("xyz"[i] for i in rows))
     also = " and Virtual Manipulator" if chain else ""
-    axes.set_title(f"{result.M:.4g} kg: CMs{',' if chain else ' and'} barycentres{also}")
+    entitle(axes, f"{result.M:.4g} kg: CMs{',' if chain else ' and'} barycentres{also}")
     return axes.figure
 
 
@@ -202,17 +196,17 @@ def draw_region(result: Region, *, ax: Any = None) -> Figure:
     found = result.singular
     axes = axes_for(ax, *SIZE, spatial=bool(found) and not in_plane(found[0]))
     for cfg, color in zip(found, COLOURS, strict=False):
-        draw_stick_figure(axes, cfg, color=color, label=cfg is found[0])
+        draw_posture(axes, cfg, color=color, label=cfg is found[0])
     if not found:
         around = np.linspace(0.0, 2.0 * np.pi, 200)
         color = GREEN if result.kind == "path independent" else RED
         axes.plot(result.radius * np.cos(around), result.radius * np.sin(around), color=color)
         axes.plot(0, 0, marker="P", ms=9, color="black", ls="none")
-        annotate(axes, "CM", np.zeros(2), "black", below=True)
+        annotate(axes, "CM", np.zeros(2), "black")
         where = "from the system CM [m]"
         axes.set(aspect="equal", xlabel=where, ylabel=where)
     number = f"\nsingular postures with the tip there: {len(found)}" if found else ""
-    axes.set_title(f"{result.radius:.4g} m from the CM: {result.kind}{number}")
+    entitle(axes, f"{result.radius:.4g} m from the CM: {result.kind}{number}")
     return axes.figure
 
 
@@ -220,12 +214,12 @@ def _draw_chain(axes: Any, chain: VirtualManipulator, rows: tuple[int, ...]) -> 
     points = chain.points[:, rows]
     axes.plot(*points.T, "-o", color=PURPLE, lw=2.5, ms=6, mfc="white")
     axes.plot(*points[:1].T, marker="P", ms=9, color="black", ls="none")
-    annotate(axes, "CM", points[0], "black", below=True)
-    annotate(axes, "tip", points[-1], PURPLE, below=True)
+    annotate(axes, "CM", points[0], "black")
+    annotate(axes, "tip", points[-1], PURPLE)
     lengths = np.linalg.norm(chain.links, axis=1)
     for i in np.flatnonzero(lengths > LEAST * lengths.sum()):
         middle = 0.5 * (points[i] + points[i + 1])
-        annotate(axes, rf"$\mathbf{{v}}_{{{i}}}$", middle, PURPLE, below=True, formula=True)
+        annotate(axes, rf"$\mathbf{{v}}_{{{i}}}$", middle, PURPLE, formula=True)
     axes.margins(0.12)
     equal_axes(axes, "".join("xyz"[i] for i in rows))
 
@@ -237,90 +231,21 @@ def _together(points: Array) -> list[tuple[int, int]]:
     return [(int(part[0]), int(part[-1])) for part in parts]
 
 
-def _spacecraft(cfg: Configuration) -> list[Array]:
-    """Return the corners (m, 3) of the convex bodies that the spacecraft is drawn as [m].
+def _places(cfg: Configuration, tip: str) -> tuple[Array, list[str]]:
+    """Return positions (m + 1, 3) of the joints on the way to a tip and of the tip [m].
 
-    They are the hulls of its visuals at their size; of a spacecraft without, the box that has its
-    inertia.
+    Also the m links that these joints move.
     """
-    arm = cfg.arm
-    lump = arm.tree.lumps[arm.tree.root]
-    solids = [
-        corners @ pose.rotation.T + pose.translation
-        for link in lump
-        if link in arm.tree.visuals
-        for pose in [cfg.base * arm.model.frames[arm.model.getFrameId(link, pin.BODY)].placement]
-        for shape in arm.tree.visuals[link].visual
-        if len(corners := _points(shape))
-    ]
-    if solids:
-        return solids
-    inertia = arm.model.inertias[1]
-    axes, edges = solid_box(inertia.mass, inertia.inertia)
-    box = Shape(pin.SE3(axes, inertia.lever), Box(tuple(edges.tolist())))
-    return [box.points() @ cfg.base.rotation.T + cfg.base.translation]
-
-
-def _points(shape: Shape) -> Array:
-    """Return the points of a shape; none, and a warning, where its mesh cannot be read."""
-    try:
-        return shape.points()
-    except ModelError as error:
-        warn(f"{error}: not drawn")
-        return np.zeros((0, 3))
-
-
-def _faces(points: Array) -> Array:
-    """Return the triangles (m, 3, 3) of the convex hull of points, counterclockwise from outside.
-
-    Points (m, 3) in a plane have a hull too.
-    """
-    hull = ConvexHull(points, qhull_options="QJ")
-    faces: Array = points[hull.simplices]
-    normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0.0
-    faces[inward] = faces[inward, ::-1]
-    return faces
-
-
-def _places(cfg: Configuration, tip: str) -> Array:
-    """Return (m, 3) positions of the joints on the way to a tip, and of the tip [m]."""
     arm, data = cfg.arm, pin.Data(cfg.arm.model)
     pin.forwardKinematics(arm.model, data, cfg.full)
-    chain = [joint.name for joint in arm.tree.chain(tip) if joint.movable]
-    places = [data.oMi[arm.model.getJointId(name)].translation for name in chain]
-    return np.array([*places, cfg.tips[arm.tips.index(tip)].translation])
+    chain = [joint for joint in arm.tree.chain(tip) if joint.movable]
+    places = [data.oMi[arm.model.getJointId(joint.name)].translation for joint in chain]
+    ends = np.array([*places, cfg.tips[arm.tips.index(tip)].translation])
+    return ends, [joint.child for joint in chain]
 
 
-GOLD = "#d9b25f"
 SECONDS = 0.75
 """Time [s] over which velocities are drawn as displacements."""
-
-
-def draw_posture(axes: Any, cfg: Configuration, *, color: str = GREY, label: bool = True) -> None:
-    """Draw a spacecraft, its arm and the system CM.
-
-    Args:
-        axes: Matplotlib axes.
-        cfg: A configuration of a planar arm.
-        color: Colour of the arm.
-        label: Whether to name the system CM.
-
-    Raises:
-        UnsupportedError: The arm does not move in a plane.
-    """
-    points = _places(cfg, cfg.arm.tip)[:, _rows(cfg)]
-    for solid in _spacecraft(cfg):
-        flat = solid[:, _rows(cfg)]
-        corners = flat[ConvexHull(flat, qhull_options="QJ").vertices]
-        axes.add_patch(Polygon(corners, facecolor=GOLD, edgecolor=GREY, alpha=0.9))
-    axes.plot(*points.T, "-o", color=color, lw=5, ms=9, mfc="white", mec=color)
-    com = _flat(cfg, cfg.com)
-    axes.plot(*com, marker="P", ms=9, color="black", ls="none", zorder=3)
-    if label:
-        axes.annotate("CM", com, (-6, -18), textcoords="offset points", ha="right")
-    names = ["xyz"[i] for i in _rows(cfg)]
-    axes.set(aspect="equal", xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]")
 
 
 def draw_velocities(axes: Any, cfg: Configuration) -> None:
@@ -349,8 +274,7 @@ def draw_velocities(axes: Any, cfg: Configuration) -> None:
             arrow = {"arrowstyle": "-|>", "color": RED, "lw": 2.5}
             axes.annotate("", tip + sign * 0.8 * lost, tip, arrowprops=arrow)
         away = np.sign(lost @ (tip - _flat(cfg, cfg.com))) * lost
-        side = "bottom" if away[1] > 0.0 else "top"
-        axes.text(*(tip + 0.85 * away), "no motion\nthis way", color=RED, va=side, ha="center")
+        annotate(axes, "no motion\nthis way", tip + 0.85 * away, RED, towards=away)
 
 
 def _rows(cfg: Configuration) -> tuple[int, int]:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from spacearm.errors import ConfigurationError
-from spacearm.plots.style import BLUE, COLOURS, GREY, RED, axes_for, draws, panels_for
+from spacearm.plots.style import BLUE, COLOURS, GREY, RED, axes_for, draws, entitle, panels_for
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -67,7 +67,7 @@ def draw_dataset(result: xr.Dataset, *, ax: Any = None) -> Figure:
         axes.set(xlabel=labels[0], ylabel=labels[1])
     fixed = [name for name in others if name != "arm" and name in result.coords]
     at = [f"{name} {result[name].values[0]:.4g}" for name in fixed]
-    axes.set_title(", ".join([*_what(result, arms), *at]))
+    entitle(axes, ", ".join([*_what(result, arms), *at]))
     return axes.figure
 
 
@@ -125,8 +125,9 @@ def _draw_runs(result: xr.Dataset, ax: Any) -> Figure:
     times.set(xlabel="time [s]", ylabel="share of the runs [%]", ylim=(0.0, 101.0))
     times.legend(frameon=False)
     turns.set(xlabel="largest turn of the spacecraft [°]", ylim=(0.0, 101.0))
-    times.set_title(
+    entitle(
+        times,
         f"{result.attrs.get('arm', 'runs')}, {result.attrs.get('base_mode', '')}: "
-        f"{int(result['success'].sum())} of {m} runs reach the target"
+        f"{int(result['success'].sum())} of {m} runs reach the target",
     )
     return times.figure

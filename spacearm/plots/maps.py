@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from itertools import combinations
 from typing import Any
 
@@ -21,9 +20,9 @@ from spacearm.plots.style import (
     GREEN,
     GREY,
     RED,
-    TITLE,
     axes_for,
     draws,
+    entitle,
     write_powers,
 )
 from spacearm.polynomial.trig import TrigPolynomial
@@ -44,7 +43,7 @@ MOST_SAMPLED, MOST_FOUND = 4000, 200
 
 @draws(SingularMap)
 def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
-    """Draw the distance to the singular set over two joints, with the exact curves where known.
+    """Draw the distance to first order over two joints, with the exact curves where known.
 
     Figure 4 of Papadopoulos & Dubowsky (1993) for planar2.
 
@@ -65,19 +64,19 @@ def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
         cmap="cividis",
         rasterized=True,
     )
-    label = "least joint motion to a singular posture [deg]"
+    label = "joint motion to a singular posture, to first order [deg]"
     axes.figure.colorbar(
         image, ax=axes, label=label, shrink=0.9, extend="max" if most > far else "neither"
     )
     _draw_curves(axes, result.curves or [])
     _angle_axes(axes, result.joints)
     _draw_limits(axes, np.degrees(result.joint_limits))
-    what = "distance to the singular set" if result.curves is None else "singular set (curves)"
+    what = "distance to first order" if result.curves is None else "singular set (curves)"
     held = ", ".join(
         f"{name}\N{NO-BREAK SPACE}{np.degrees(x):.4g}" for name, x in result.held.items() if x
     )
-    where = "\n" + textwrap.fill(f"{held} deg, others 0", TITLE) if held else ""
-    axes.set_title(f"{result.arm}: {what}{where}")
+    where = f"\n{held} deg, others 0" if held else ""
+    entitle(axes, f"{result.arm}: {what}{where}")
     return axes.figure
 
 
@@ -116,7 +115,7 @@ def draw_singular_set(result: SingularSet, *, ax: Any = None) -> Figure:
     else:
         samples = result.sample(MOST_SAMPLED, np.random.default_rng(0))
         axes = _draw_samples(arm, samples, ax)
-    axes.set_title(f"{arm.name}, {result.mode}: singular set")
+    entitle(axes, f"{arm.name}, {result.mode}: singular set")
     return axes.figure
 
 
@@ -125,7 +124,7 @@ def _draw_found(result: SingularSet, ax: Any) -> Figure:
     samples = result.sample(MOST_FOUND, np.random.default_rng(0))
     axes = _draw_samples(result.arm, samples, ax)
     found = f"{len(samples)} singular configurations found"
-    axes.set_title(f"{result.arm.name}, {result.mode}: {found}")
+    entitle(axes, f"{result.arm.name}, {result.mode}: {found}")
     return axes.figure
 
 
@@ -193,7 +192,7 @@ def _structure(points: Array) -> float:
 
 def _angle_axes(axes: Any, names: Any) -> None:
     """Set all axes to one turn, in degrees, with the names of their joints."""
-    turn = range(-180, 181, 60 if len(names) == 2 else 90)
+    turn = range(-180, 181, 60) if len(names) == 2 else range(-120, 121, 60)
     for axis, name in zip("xyz", names, strict=False):
         axes.set(
             **{f"{axis}lim": (-180, 180), f"{axis}ticks": turn, f"{axis}label": f"{name} [deg]"}
@@ -226,7 +225,7 @@ def draw_polynomial(result: TrigPolynomial, *, ax: Any = None) -> Figure:
     axes = axes_for(ax, 7.2, 4.4 if result.n != 2 else 6.0)
     draw = {1: _draw_curve, 2: _draw_map}.get(result.n, _draw_coefficients)
     draw(axes, result)
-    axes.set_title(f"Trigonometric polynomial of degrees {result.degrees}")
+    entitle(axes, f"Trigonometric polynomial of degrees {result.degrees}")
     return axes.figure
 
 
@@ -291,7 +290,7 @@ def draw_free_box(result: FreeBox, *, ax: Any = None) -> Figure:
     axes.set_yticks(range(arm.n), arm.joint_names)
     axes.invert_yaxis()
     axes.set(xlabel="joint position [°] or [m]")
-    axes.set_title(f"{arm.name}, {result.mode}: no singular posture in the green ranges, proven")
+    entitle(axes, f"{arm.name}, {result.mode}: no singular posture in the green ranges, proven")
     return axes.figure
 
 
@@ -319,9 +318,10 @@ def draw_free_boxes(result: FreeBoxes, *, ax: Any = None) -> Figure:
         axes.plot(np.arange(1, len(covered) + 1), covered, color=GREEN, lw=2)
         axes.set(xlabel="largest boxes", ylabel="share of the range covered [%]")
     whole = covered[-1] if len(covered) else 0.0
-    axes.set_title(
+    entitle(
+        axes,
         f"{arm.name}, {result.mode}: {len(covered):,} boxes without singular posture, proven\n"
-        f"{whole:.3g} % of the range"
+        f"{whole:.3g} % of the range",
     )
     return axes.figure
 
@@ -343,5 +343,5 @@ def draw_connection(result: Connection, *, ax: Any = None) -> Figure:
             axes.plot(way, scale[j] * result.path[:, j], "o-", color=color, label=name)
         axes.legend(frameon=False)
     axes.set(xlabel="length of the joint path [rad] or [m]", ylabel="joint position [°] or [m]")
-    axes.set_title(f"{result.arm.name}, connected without singularity: {result.answer}")
+    entitle(axes, f"{result.arm.name}, connected without singularity: {result.answer}")
     return axes.figure

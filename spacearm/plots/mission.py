@@ -20,8 +20,10 @@ from spacearm.plots.style import (
     GREY,
     ORANGE,
     RED,
+    annotate,
     axes_for,
     draws,
+    entitle,
     equal_axes,
     panels_for,
     write_powers,
@@ -72,9 +74,10 @@ def draw_reaction(result: Reaction, *, ax: Any = None) -> Figure:
     torque.set_ylabel("torque, held [N m]")
     camera.set(xlabel="time [s]", ylabel="smear, floating [°/s]")
     what = "any line of sight" if result.camera is None else "the line of sight"
-    turns.set_title(
+    entitle(
+        turns,
         f"{result.arm.name}: turns by up to {np.degrees(result.angle.max()):.3g}°, {what} by "
-        f"{np.degrees(result.pointing.max()):.3g}°"
+        f"{np.degrees(result.pointing.max()):.3g}°",
     )
     return turns.figure
 
@@ -97,7 +100,7 @@ def draw_wheel_sizing(result: WheelSizing, *, ax: Any = None) -> Figure:
     axes.set_ylim(0.0, 101.0)
     axes.legend(frameon=False)
     speed = "" if result.cases == "motions" else f", tip speed {result.tip_speed:g} m/s"
-    axes.set_title(f"{result.arm.name}{speed}: 99 % below the dotted line")
+    entitle(axes, f"{result.arm.name}{speed}: 99 % below the dotted line")
     return axes.figure
 
 
@@ -109,10 +112,8 @@ def _draw_ring(axes: Any, result: FeasibleAttitudes) -> None:
         axes.add_patch(Wedge((0, 0), 1.0, low, high, width=0.22, facecolor=GREEN))
         if high - low < 359.9:
             for end in np.radians((low, high)):
-                axes.text(
-                    1.1 * np.cos(end), 1.1 * np.sin(end), f"{np.degrees(end):.2f}°", ha="center",
-                    va="center",
-                )  # fmt: skip
+                edge = np.array([np.cos(end), np.sin(end)])
+                annotate(axes, f"{np.degrees(end):.2f}°", edge, "black", towards=edge)
     started = result.ended != 6
     top = float(np.nanmax(result.distance, initial=0.0)) or 1.0
     radius = np.where(started, 0.72 * result.distance / top, np.nan)
@@ -125,10 +126,11 @@ def _draw_ring(axes: Any, result: FeasibleAttitudes) -> None:
                   va="center", fontsize=9)  # fmt: skip
     axes.set(xlim=(-1.3, 1.3), ylim=(-1.3, 1.3), aspect="equal")
     axes.set_axis_off()
-    axes.set_title(
+    entitle(
+        axes,
         f"{result.arm.name}: the path can be followed from {result.share:.1%} of the attitudes\n"
         f"green: margin {np.degrees(result.margin):.3g}° kept; blue: least distance to the\n"
-        f"singular set, up to {np.degrees(top):.3g}°",
+        f"singular set, to first order, up to {np.degrees(top):.3g}°",
         fontsize=10,
     )
 
@@ -147,9 +149,10 @@ def _draw_directions(axes: Any, result: FeasibleAttitudes) -> None:
     )  # fmt: skip
     axes.set_xticks(range(-180, 181, 60))
     ball = "" if result.ball is None else f", a ball of {np.degrees(result.ball.radius):.3g}°"
-    axes.set_title(
+    entitle(
+        axes,
         f"{result.arm.name}: the path can be followed from {result.share:.1%} of the attitudes"
-        f"{ball}"
+        f"{ball}",
     )
 
 
@@ -176,9 +179,10 @@ def draw_level(result: LevelReach, *, ax: Any = None) -> Figure:
     axes.scatter(*result.tip[rows][:, None], color="black", marker="P", label="start")
     equal_axes(axes, "".join("xyz"[i] for i in rows))
     axes.legend(frameon=False, loc="upper right")
-    axes.set_title(
+    entitle(
+        axes,
         f"{result.arm.name}: the tip, the spacecraft turned by at most "
-        f"{np.degrees(result.tilt):.3g}°\nfrom the system CM"
+        f"{np.degrees(result.tilt):.3g}°\nfrom the system CM",
     )
     return axes.figure
 
@@ -210,7 +214,7 @@ def draw_envelope(result: LevelEnvelope, *, ax: Any = None) -> Figure:
     write_powers(turn.yaxis)
     reach.legend(frameon=False)
     turn.legend(frameon=False)
-    reach.set_title(f"{result.arm.name}: mean over directions, dotted the worst")
+    entitle(reach, f"{result.arm.name}: mean over directions, dotted the worst")
     return reach.figure
 
 
@@ -235,7 +239,7 @@ def draw_budget(result: MomentumBudget, *, ax: Any = None) -> Figure:
             color = COLOURS[j % len(COLOURS)]
             axes.plot(run.t, run.q[:, j], color=color, label=name)
         axes.set(xlabel="time [s]")
-        axes.set_title(title, fontsize=11)
+        entitle(axes, title, fontsize=11)
     panels[0].set_ylabel("joints [rad] or [m]")
     panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     return panels[0].figure

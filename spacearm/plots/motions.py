@@ -9,9 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from scipy.spatial import ConvexHull
+from matplotlib.patches import Circle
 
 from spacearm.arrays import Array, finite, shape_of
 from spacearm.collisions.obstacles import Obstacle
@@ -20,16 +18,19 @@ from spacearm.collisions.solids import corners
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
-from spacearm.plots.configurations import draw_stick_figure
+from spacearm.plots.configurations import draw_posture
+from spacearm.plots.hulls import draw_hulls, placed, stand_ins
 from spacearm.plots.style import (
     BLUE,
     COLOURS,
     GREEN,
     GREY,
+    IN_FRONT,
     ORANGE,
     RED,
     axes_for,
     draws,
+    entitle,
     headline,
     panels_for,
 )
@@ -40,7 +41,7 @@ from spacearm.workspaces.path_dependent import Workspace
 FADES = (0.15, 0.25, 0.35, 0.55)
 """Opacities of the postures that are drawn behind the tip path, from its start to its end."""
 FAR = 45.0
-"""Largest distance to the singular set that is told apart [deg]."""
+"""Largest distance of a singular posture found that is told apart [deg]."""
 
 
 @draws(Motion)
@@ -77,7 +78,7 @@ def draw_motion(
 
     whole, panels = panels_for(ax, parts, 11.0, 6.4)
     path, attitude, joints, *wheels, nearness = panels
-    title = f"{motion.arm.name}, {motion.story}"
+    title = f"{motion.arm.name}, {motion.story}{stand_ins(motion.arm)}"
     headline(None if whole is None else path.figure, panels, title)
     _draw_path(path, motion, mark, workspace)
     _draw_attitude(attitude, motion)
@@ -85,7 +86,7 @@ def draw_motion(
         _draw_wheels(axes, motion, held)
     _draw_joints(joints, motion)
     nearness.plot(motion.t, np.minimum(np.degrees(motion.distance), FAR), color=RED, lw=1.8)
-    nearness.set(ylabel="to a singular\nposture [deg]", xlabel="time [s]", ylim=(0.0, FAR))
+    nearness.set(ylabel="to a singular\nposture found [deg]", xlabel="time [s]", ylim=(0.0, FAR))
     nearness.set_yticks((0.0, 15.0, 30.0, FAR), ("0", "15", "30", f"over {FAR:g}"))
     for axes in (attitude, joints, *wheels, nearness):
         for t in motion.singular_times:
@@ -114,10 +115,7 @@ def _draw_path(
     paths = _tip_paths(motion, along)
     singular = _at_times(next(iter(paths.values())), motion)
     for cfg, alpha in zip(_snapshots(motion, along), FADES, strict=False):
-        before = set(axes.get_children())
-        draw_stick_figure(axes, cfg, label=False)
-        for artist in set(axes.get_children()) - before:
-            artist.set_alpha(alpha)
+        draw_posture(axes, cfg, label=False, alpha=alpha)
     draw_obstacles(
         axes, getattr(motion, "obstacles", ()), along, (motion.t[0], motion.t[-1]), normal
     )
@@ -128,7 +126,7 @@ def _draw_path(
         if workspace is not None:
             _draw_shells(axes, np.delete(motion[0].com @ along, normal), workspace)
     for i, (name, x) in enumerate(paths.items()):
-        axes.plot(*x.T, color=COLOURS[i % len(COLOURS)], lw=2, label=name, zorder=5)
+        axes.plot(*x.T, color=COLOURS[i % len(COLOURS)], lw=2, label=name, zorder=IN_FRONT)
     starts, ends = (np.array([x[row] for x in paths.values()]) for row in (0, -1))
     marks: list[tuple[str, Array, str, str]] = [
         ("start", starts, "o", BLUE),
@@ -141,8 +139,8 @@ def _draw_path(
         marks.append(("target", target[None], "*", GREEN))
     for label, points, marker, color in marks:
         size = 13 if marker == "*" else 7
-        axes.plot(*points.T, marker, color=color, ms=size, mew=2, label=label, zorder=6)
-    axes.legend(loc="best", fontsize=9)
+        axes.plot(*points.T, marker, color=color, ms=size, mew=2, label=label, zorder=IN_FRONT)
+    axes.legend(loc="best" if normal is not None else "upper right", fontsize=9)
     if normal is None:
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_box_aspect(None, zoom=0.85)  # room for the label of the vertical axis
@@ -165,14 +163,12 @@ def _at_times(x: Array, motion: Motion) -> Array:
 
 def _snapshots(motion: Motion, along: Array) -> list[Configuration]:
     """Return a few postures, evenly spaced along the tip paths, in the axes of the picture."""
-    if len(motion.arm.tips) > 1 and motion.arm.tree.plane_normal() is not None:
-        return []  # arms with several tips are drawn in space only
     paths = np.stack(list(_tip_paths(motion, along).values()))
     steps = np.linalg.norm(np.diff(paths, axis=1), axis=2).sum(axis=0)
     way = np.concatenate(([0.0], np.cumsum(steps)))
     times = np.interp(np.linspace(0.0, way[-1], len(FADES)), way, motion.t)
     turn = pin.SE3(along.T, np.zeros(3))
-    return [motion.arm.at(cfg.q, base=turn * cfg.base) for cfg in map(motion.at, times)]
+    return [cfg.arm.at(cfg.q, base=turn * cfg.base) for cfg in map(motion.at, times)]
 
 
 def _draw_shells(axes: Any, com: Array, workspace: Workspace) -> None:
@@ -247,33 +243,14 @@ def draw_obstacles(
         times: The times [s]; of obstacles at rest the last one only.
         normal: Which of these axes is left out in a flat picture; None for one in space.
     """
+    rows = tuple(i for i in range(3) if i != normal)
     for obstacle in obstacles:
-        label: str | None = obstacle.name
         for t in times if obstacle.moves else times[-1:]:
-            opacity = OPACITY if t == times[-1] else 0.3 * OPACITY
-            for part, pose in zip(obstacle.parts, obstacle.poses(float(t)), strict=True):
-                points = _placed(corners(part.solid), pose) @ along
-                _draw_hull(axes, points, normal, opacity, label if t == times[-1] else None)
-                label = None if t == times[-1] else label
-
-
-def _placed(points: Array, pose: pin.SE3) -> Array:
-    """Return points (k, 3) of a frame in the inertial frame."""
-    return points @ pose.rotation.T + pose.translation
-
-
-def _draw_hull(
-    axes: Any, points: Array, normal: int | None, opacity: float, label: str | None
-) -> None:
-    """Draw the convex hull of points (k, 3), or its shadow in the plane."""
-    if normal is None:
-        faces = points[ConvexHull(points).simplices]
-        axes.add_collection3d(Poly3DCollection(faces, facecolor=GREY, alpha=opacity, label=label))
-        axes.auto_scale_xyz(*points.T)
-        return
-    flat = np.delete(points, normal, axis=1)
-    edge = flat[ConvexHull(flat).vertices]
-    axes.add_patch(Polygon(edge, facecolor=GREY, edgecolor=GREY, alpha=opacity, label=label))
+            last = t == times[-1]
+            placing = zip(obstacle.parts, obstacle.poses(float(t)), strict=True)
+            hulls = [(placed(corners(part.solid), pose) @ along, GREY) for part, pose in placing]
+            opacity = OPACITY if last else 0.3 * OPACITY
+            draw_hulls(axes, hulls, rows, opacity, obstacle.name if last else None)
 
 
 @draws(CollisionReport)
@@ -297,5 +274,5 @@ def draw_collision_report(result: CollisionReport, *, ax: Any = None) -> Figure:
         axes.axhline(0.0, color=RED, lw=1.2)
         axes.set(xlabel="time [s]", ylabel=label)
     a, b = result.nearest
-    axes.set_title(f"{'apart, proven' if result.apart else 'bodies meet'}; nearest:\n{a}, {b}")
+    entitle(axes, f"{'apart, proven' if result.apart else 'bodies meet'}; nearest:\n{a}, {b}")
     return axes.figure

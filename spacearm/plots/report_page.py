@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from spacearm.arrays import Array, Progress
 from spacearm.errors import NoSolutionError, UnsupportedError
-from spacearm.files import write
+from spacearm.files import writable, write
 from spacearm.mechanics.batch import evaluate
 from spacearm.mission.level import level_envelope, level_reach
 from spacearm.mission.reactions import size_wheels
@@ -198,6 +198,7 @@ def design_report(
         'report.html'
     """
     arm.require_one_tip()
+    writable(Path(path))
     about = shlex.join(words if words is not None else [_name(arm)])
     q = _working_posture(arm) if q0 is None else joint_vector(arm, q0, "q0")
     parts: list[tuple[str, Callable[[Section], None]]] = [
@@ -251,13 +252,13 @@ def _python(about: str, expression: str) -> str:
 
 def _arm(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     section.show(arm.describe(), f"spacearm info {about}")
-    report, at = singularity(arm.at(q)), " ".join(f"{x:.6g}" for x in q)
+    report, at = singularity(arm.at(q), exact=True), " ".join(f"{x:.6g}" for x in q)
     section.picture(
         plot(report.configuration),
         "The working posture of this report.",
         _python(about, f"arm.at([{at.replace(' ', ', ')}])"),
     )
-    section.show(report.describe(), f"spacearm query {about} --first-order {at}")
+    section.show(report.describe(), f"spacearm query {about} {at}")
 
 
 def _singular(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
@@ -267,12 +268,15 @@ def _singular(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     ]
     near = [(bound, np.mean(share <= bound)) for bound in np.radians((1, 5, 10, 20))]
     section.show(found.describe())
-    columns = (Column("postures within the limits nearer than", "rad"), Column("share", "", ".2%"))
+    columns = (
+        Column("postures within the limits nearer, to first order, than", "rad"),
+        Column("share", "", ".2%"),
+    )
     section.table(Table(columns, near))
     section.picture(
         plot(singular_map(arm, None, q, 121)),
-        "Least joint motion to a singular posture over the two joints that change sigma_min most, "
-        "the others as in the working posture.",
+        "Joint motion to a singular posture, to first order, over the two joints that change "
+        "sigma_min most, the others as in the working posture.",
         _python(about, f"sa.singular_map(arm, q=[{', '.join(f'{x:.6g}' for x in q)}])"),
     )
     section.picture(plot(found), "The singular set.", _python(about, "sa.singular_set(arm)"))
@@ -288,8 +292,8 @@ def _workspaces(section: Section, arm: SpaceArm, about: str) -> None:
 def _risk(section: Section, arm: SpaceArm, about: str) -> None:
     profile = risk_profile(arm, limits=True, samples=SAMPLES)
     section.say(
-        "The share of postures within the joint limits that are within 5° of a singular one, by "
-        "the distance of the tip from the system CM."
+        "The share of postures within the joint limits that are, to first order, within 5° of a "
+        "singular one, by the distance of the tip from the system CM."
     )
     section.picture(
         plot(profile),

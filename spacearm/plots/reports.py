@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,16 +12,25 @@ from matplotlib.figure import Figure
 from spacearm.arrays import Array
 from spacearm.mechanics.dynamics import Capture, Dynamics
 from spacearm.mechanics.jacobian import MomentumMatrix, PrescribedMotion
-from spacearm.plots.configurations import draw_stick_figure, in_plane
-from spacearm.plots.style import BLUE, GREEN, GREY, RED, axes_for, draws, headline, panels_for
+from spacearm.plots.configurations import draw_posture, in_plane
+from spacearm.plots.hulls import stand_ins
+from spacearm.plots.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    RED,
+    axes_for,
+    draws,
+    entitle,
+    headline,
+    panels_for,
+)
 from spacearm.singularities.report import IN_WORDS, SingularityReport
 from spacearm.singularities.rounding import ErrorBars
 
 ROWS = ("x", "y", "z", "rx", "ry", "rz")
 ROUNDING = 1e-14
 """Share of the largest entry of a matrix below which an entry is rounding and shown as 0."""
-VERDICT = 50
-"""Characters in a line of the verdict."""
 DECADES = 1e-3
 """Share of the largest entry down to which colours of a matrix are logarithmic."""
 
@@ -48,20 +56,19 @@ def draw_report(result: SingularityReport, *, ax: Any = None) -> Figure:
         values = whole.add_subplot(grid[0, 1])
         return [posture, values, whole.add_subplot(grid[1, 1], sharex=values)]
 
-    whole, (posture, values, directions) = panels_for(ax, parts, 11.0, 5.4)
-    draw_stick_figure(posture, cfg)
+    whole, (posture, values, directions) = panels_for(ax, parts, max(11.0, 1.6 * k), 5.4)
+    draw_posture(posture, cfg)
     _draw_lost(posture, result)
-    verdict = textwrap.fill(result.verdict, VERDICT)
-    posture.set_title(f"{arm.name}, {result.mode}\n{verdict}")
+    entitle(posture, f"{arm.name}, {result.mode}\n{result.verdict}{stand_ins(arm)}")
     color = [GREEN] * result.rank + [RED] * (k - result.rank)
     bars = values.bar(range(k), result.sigma, color=color)
     values.bar_label(bars, fmt="{:.3g}", fontsize=9)
     values.set(xticks=range(k), xticklabels=columns, ylabel=f"[{arm.sigma_unit}]")
     values.margins(y=0.15)
-    values.set_title("Singular values")
+    entitle(values, "Singular values")
     both = np.hstack((result.available, result.lost))
     _draw_matrix(directions, both, arm.task.rows, columns)
-    directions.set_title("Directions in the rows of the task")
+    entitle(directions, "Directions in the rows of the task")
     if whole is not None:
         whole.supxlabel(IN_WORDS, fontsize=9, color=GREY)
     return posture.figure
@@ -188,14 +195,14 @@ def _bars(axes: Any, names: Any, values: Array, unit: str, title: str) -> None:
         ha="right" if slanted else "center",
     )  # fmt: skip
     axes.ticklabel_format(axis="y", scilimits=(-3, 4))
-    axes.set_title(title)
+    entitle(axes, title)
 
 
 def _matrix(values: Array, rows: Sequence[str], columns: Sequence[str], title: str, ax: Any) -> Any:
     """Draw a labelled matrix alone."""
-    axes = axes_for(ax, 2.0 + 0.62 * len(columns), 1.6 + 0.42 * len(rows))
+    axes = axes_for(ax, 2.0 + 0.72 * len(columns), 1.6 + 0.42 * len(rows))
     _draw_matrix(axes, values, rows, columns)
-    axes.set_title(title)
+    entitle(axes, title)
     return axes
 
 

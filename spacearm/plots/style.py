@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
@@ -12,6 +13,11 @@ from typing import Any, ParamSpec
 import matplotlib as mpl
 import numpy as np
 from matplotlib import figure as mpl_figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.text import Annotation, Text
+from matplotlib.ticker import AutoLocator
+from matplotlib.transforms import Bbox, IdentityTransform
+from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
@@ -33,8 +39,19 @@ DRAWINGS: dict[type, Callable[..., Any]] = {}
 """What draws each kind of result; see `draws`."""
 PIXELS_PER_INCH = 90
 """Size of figures in notebooks."""
-TITLE = 54
-"""Characters in a line of a title."""
+MOST_TICKS = {False: 6, True: 5}
+"""Most intervals between ticks, in the plane and in space: their labels then do not touch."""
+LETTER = 0.52
+"""Mean width of a letter, as a share of the size of its font."""
+AROUND = 2.0 * np.pi * np.arange(12) / 12.0 + np.pi / 4.0
+OFFSETS = 1.4 * np.column_stack((np.cos(AROUND), np.sin(AROUND)))
+"""Where labels can stand beside their points, times distances."""
+UP = np.array([1.0, 0.9])
+"""Direction in which labels stand from their points if they can."""
+DISTANCES = (6.0, 16.0, 28.0, 44.0, 64.0, 90.0, 120.0)
+"""Distances of labels from their points [pt]."""
+IN_FRONT = 1e3
+"""Order of what is drawn over all bodies."""
 FLAT = 1e-9
 """Share of their extent by which points may leave a plane and still count as flat."""
 
@@ -105,7 +122,7 @@ def axes_for(ax: Any, width: float, height: float, *, spatial: bool = False) -> 
     """
     if ax is None or isinstance(ax, mpl_figure.FigureBase):
         whole = figure(width, height) if ax is None else ax
-        return whole.add_subplot(projection="3d" if spatial else None)
+        return _few_ticks(whole.add_subplot(projection="3d" if spatial else None))
     if not isinstance(ax, mpl.axes.Axes):
         raise ConfigurationError(
             f"ax is {ax!r}; this drawing has one panel: give Matplotlib axes, a figure or a "
@@ -117,7 +134,7 @@ def axes_for(ax: Any, width: float, height: float, *, spatial: bool = False) -> 
             f"ax has the projection {ax.name!r}; this drawing needs figure.add_subplot with "
             f"{needed}"
         )
-    return ax
+    return _few_ticks(ax)
 
 
 def panels_for(
@@ -136,7 +153,7 @@ def panels_for(
     """
     if ax is None or isinstance(ax, mpl_figure.FigureBase):
         whole = figure(width, height) if ax is None else ax
-        return whole, list(make(whole))
+        return whole, [_few_ticks(axes) for axes in make(whole)]
     wanted = list(make(Figure()))
     given = list(np.ravel(np.asarray(ax, dtype=object)))
     kinds = [axes.name if isinstance(axes, mpl.axes.Axes) else repr(axes) for axes in given]
@@ -145,15 +162,16 @@ def panels_for(
             f"ax is {', '.join(kinds)}; this drawing has {len(needed)} panels: give a figure or a "
             f"subfigure, or axes with these projections: {', '.join(needed)}"
         )
-    return None, given
+    return None, [_few_ticks(axes) for axes in given]
 
 
 def headline(whole: Any, panels: Sequence[Any], text: str) -> None:
     """Write a title over all panels, or over the first one where there is no figure of theirs."""
     if whole is None:
-        panels[0].set_title(text)
+        entitle(panels[0], text)
     else:
-        whole.suptitle(text, x=0.02, ha="left")
+        width = whole.bbox.width / whole.get_figure(root=True).dpi
+        whole.suptitle(_folded(text, width, mpl.rcParams["axes.titlesize"]), x=0.02, ha="left")
 
 
 def equal_axes(axes: Any, names: str = "xyz") -> None:
@@ -183,16 +201,100 @@ def flat_rows(points: Array) -> tuple[int, ...]:
     return tuple(i for i in range(3) if i != still[-1]) if still else (0, 1, 2)
 
 
+class Label(Annotation):
+    """A label beside a point, in the plane or in space, where it covers no other text of the axes.
+
+    Args:
+        text: The text.
+        at: (2,) or (3,) the point, in the coordinates of the axes.
+        towards: (2,) direction in which it stands from its point if it can.
+        **look: As of `matplotlib.text.Text`.
+    """
+
+    def __init__(self, text: str, at: Array, towards: Array, **look: Any) -> None:
+        line = {"arrowstyle": "-", "color": look.get("color", GREY), "lw": 0.6}
+        place = (float(at[0]), float(at[1]))
+        super().__init__(text, place, (0, 0), textcoords="offset points", arrowprops=line, **look)
+        self._at, self._offsets = at, OFFSETS[np.argsort(-OFFSETS @ towards, kind="stable")]
+        self.set_transform(IdentityTransform())
+        self.set_in_layout(False)
+
+    def draw(self, renderer: Any) -> None:
+        """Draw the label where there is room for it."""
+        axes: Any = self.axes
+        if len(self._at) == 3:
+            self.xy = proj_transform(*self._at, axes.get_proj())[:2]
+        taken = [text.get_window_extent(renderer) for text in _other_texts(axes, self)]
+        within = axes.bbox
+        least = np.inf
+        for distance in DISTANCES:
+            for x, y in self._offsets:
+                box = self._place(x, y, distance, renderer)
+                over = sum(_common(box, other) for other in taken)
+                over += box.width * box.height - _common(box, within)
+                if over < least:
+                    least, best = over, (x, y, distance)
+            if least <= 0.0:
+                break
+        self._place(*best, renderer)
+        if self.arrow_patch is not None:
+            self.arrow_patch.set_visible(best[2] > DISTANCES[0])
+        super().draw(renderer)
+
+    def _place(self, x: float, y: float, distance: float, renderer: Any) -> Bbox:
+        """Put the label at an offset; return the box of its text [px]."""
+        self.set_position((x * distance, y * distance))
+        self.set_horizontalalignment("left" if x > 0.5 else "right" if x < -0.5 else "center")
+        self.set_verticalalignment("bottom" if y > 0.5 else "top" if y < -0.5 else "center")
+        self.update_positions(renderer)
+        return Text.get_window_extent(self, renderer)
+
+
+def _other_texts(axes: Any, label: Label) -> Iterator[Any]:
+    """Yield what a label must not touch: other texts of its axes, as far as they are drawn."""
+    for text in axes.texts:
+        if text is label:
+            break
+        yield text
+    yield from (text for text in axes.texts if not isinstance(text, Label))
+    yield from filter(None, (axes.title, axes._left_title, axes.get_legend()))
+    for axis in (axes.xaxis, axes.yaxis, *([axes.zaxis] if axes.name == "3d" else ())):
+        yield axis.label
+        yield from (tick.label1 for tick in axis.get_major_ticks())
+
+
+def _common(one: Bbox, other: Bbox) -> float:
+    """Return the area that two boxes share."""
+    both = Bbox.intersection(one, other)
+    return 0.0 if both is None else float(both.width * both.height)
+
+
 def annotate(
-    axes: Any, text: str, at: Array, color: str, *, below: bool = False, formula: bool = False
+    axes: Any, text: str, at: Array, color: str, *, towards: Array = UP, formula: bool = False
 ) -> None:
-    """Write a label beside or below a point, in the plane or in space."""
-    if axes.name == "3d":
-        va = "top" if below else "bottom"
-        axes.text(*at, f"  {text}", color=color, va=va, parse_math=formula)
-    else:
-        offset = (0, -18) if below else (8, 6)
-        axes.annotate(
-            text, at, offset, textcoords="offset points", color=color,
-            ha="center" if below else "left", parse_math=formula,
-        )  # fmt: skip
+    """Write a label beside a point, in the plane or in space, away from other labels."""
+    axes.add_artist(Label(text, at, towards, color=color, parse_math=formula, zorder=IN_FRONT))
+
+
+def entitle(axes: Any, text: str, **look: Any) -> None:
+    """Write the title of axes, in lines no longer than these are wide."""
+    size = look.get("fontsize", mpl.rcParams["axes.titlesize"])
+    axes.set_title(_folded(text, axes.get_window_extent().width / axes.figure.dpi, size), **look)
+
+
+def _folded(text: str, width: float, size: float | str) -> str:
+    """Return a text in lines that fit a width [inch] at a size of the font [pt]."""
+    points = FontProperties(size=size).get_size_in_points()
+    letters = max(int(72.0 * width / (LETTER * points)), 12)
+    return "\n".join(textwrap.fill(line, letters) for line in text.split("\n"))
+
+
+def _few_ticks(axes: Any) -> Any:
+    """Give axes so few ticks that their labels do not touch."""
+    spatial = axes.name == "3d"
+    for axis in (axes.xaxis, axes.yaxis, *([axes.zaxis] if spatial else ())):
+        if isinstance(locator := axis.get_major_locator(), AutoLocator):
+            locator.set_params(nbins=MOST_TICKS[spatial], prune="both" if spatial else None)
+        if spatial:
+            axis.labelpad = 8.0  # as wide as the labels of ticks
+    return axes

@@ -10,7 +10,18 @@ from matplotlib.patches import Annulus, Circle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
-from spacearm.plots.style import BLUE, GREEN, GREY, ORANGE, RED, axes_for, draws, panels_for
+from spacearm.plots.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    annotate,
+    axes_for,
+    draws,
+    entitle,
+    panels_for,
+)
 from spacearm.singularities.polynomials import tips_from_centre
 from spacearm.singularities.risk import PoseRisk, RiskProfile, nearness
 from spacearm.uncertainty.robust import DistanceRange, ShellBands
@@ -87,7 +98,7 @@ def draw_pose_risk(result: PoseRisk, *, ax: Any = None) -> Figure:
         ylabel="configurations near a singularity [%]",
         ylim=(0.0, None),
     )
-    axes.set_title(f"{len(result.share)} tip poses, {nearness(result)}\nmean {mean:.1%}")
+    entitle(axes, f"{len(result.share)} tip poses, {nearness(result)}\nmean {mean:.1%}")
     return axes.figure
 
 
@@ -115,9 +126,9 @@ def _draw_rings(axes: Any, result: Workspace, path: Array | None) -> None:
         x, y = path.T if path.shape[1] == 2 else path[:, rows].T
         axes.plot(x, y, color=BLUE, lw=2)
         axes.plot(x[0], y[0], "o", color=BLUE)
-        axes.annotate("tip path", (x[0], y[0]), (8, 8), textcoords="offset points", color=BLUE)
+        annotate(axes, "tip path", np.array([x[0], y[0]]), BLUE)
     _about_cm(axes, 1.3 * outer)
-    axes.set_title(_title(result))
+    entitle(axes, _title(result))
 
 
 def draw_ring(
@@ -173,7 +184,7 @@ def _draw_cut_away(axes: Any, result: Workspace) -> None:
     axes.set(xlim=span, ylim=span, zlim=span, xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     axes.set_box_aspect((1, 1, 1))
     axes.view_init(elev=22, azim=-45)
-    axes.set_title(_title(result))
+    entitle(axes, _title(result))
 
 
 def _draw_profile(axes: Any, profile: RiskProfile) -> None:
@@ -185,7 +196,7 @@ def _draw_profile(axes: Any, profile: RiskProfile) -> None:
         ylabel="configurations near a singularity [%]",
         ylim=(0.0, None),
     )
-    axes.set_title(f"postures {nearness(profile)}")
+    entitle(axes, f"postures {nearness(profile)}")
 
 
 def _title(result: Workspace) -> str:
@@ -204,10 +215,10 @@ def draw_distance_range(result: DistanceRange, *, ax: Any = None) -> Figure:
     axes = axes_for(ax, 7.2, 4.2)
     axes.hist(np.degrees(result.distances), bins=30, color=BLUE, alpha=0.6)
     axes.axvline(np.degrees(result.nominal), color=RED, label="as described")
-    axes.set(xlabel="distance to the singular set, to first order [°]", ylabel="arms")
+    axes.set(xlabel="distance of the singular posture found [°]", ylabel="arms")
     axes.legend(frameon=False)
     low, high = np.degrees((result.low, result.high))
-    axes.set_title(f"{result.tried} arms: {low:.4g}° to {high:.4g}°")
+    entitle(axes, f"{result.tried} arms: {low:.4g}° to {high:.4g}°")
     return axes.figure
 
 
@@ -230,5 +241,5 @@ def draw_shell_bands(result: ShellBands, *, ax: Any = None) -> Figure:
             draw_ring(axes, (0.0, 0.0), low, high, 1e-3 * outer, **look)
     _about_cm(axes, 1.25 * outer)
     axes.legend(frameon=False, loc="upper right")
-    axes.set_title(f"{result.tried} arms")
+    entitle(axes, f"{result.tried} arms")
     return axes.figure

@@ -16,14 +16,17 @@ and of the evaluation, has no sign.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, named
+from spacearm.arrays import Array
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.trig import EPS
+from spacearm.results import Cell, Description, Measure, Result, Table
+from spacearm.signatures import checked
 
 ELLIPSES = np.array([1.1, 1.4, 2.0, 4.0, 8.0, 16.0, 32.0, 128.0, 1024.0])
 """Sums of half axes of Bernstein ellipses, of which the best bounds the error of a series."""
@@ -115,9 +118,17 @@ WHOLE = 1000
 """Parts of a path in which progress is told."""
 
 Verdict = Literal["free", "singular", "undecided"]
+WORDS: dict[Verdict, str] = {
+    "free": "meets no singularity: proven",
+    "singular": "meets a singularity",
+    "undecided": "comes too near to a singularity for a proof",
+}
+"""What the verdicts mean."""
 
 
-class Certificate(NamedTuple):
+@checked
+@dataclass(frozen=True, eq=False, repr=False)
+class Certificate(Result):
     """Proof that a path of straight segments in joint space is free of singularities, or a root.
 
     Attributes:
@@ -146,9 +157,22 @@ class Certificate(NamedTuple):
     def __bool__(self) -> bool:
         return self.free
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain JSON data."""
-        return named(self)
+    def describe(self) -> Description:
+        """Describe what is proven, and where the proof ends if it does."""
+        facts: dict[str, Cell] = {}
+        if self.clearance:
+            facts["no singular configuration nearer than"] = Measure(self.clearance, "rad")
+        if self.at is not None:
+            facts["number of the segment"], facts["at [rad] or [m]"] = self.segment, self.at
+        facts["least |S|, over the scale of S"] = Measure(self.margin, "", ".3g")
+        facts["rounding that the proof counts with"] = Measure(self.noise, "", ".3g")
+        return Description(
+            title="path in joint space",
+            verdict=WORDS[self.verdict],
+            tone="good" if self.free else "bad",
+            tables=[Table.facts(facts)],
+            not_checked="collisions, rates, the way of the tip",
+        )
 
 
 def certify(

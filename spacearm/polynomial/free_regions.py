@@ -1,4 +1,4 @@
-"""Proof that polynomials have no common root in a region: a box, a ball, or a ball along a segment.
+"""Proof that polynomials have no common root in a region: a box, a ball, or a ball along a curve.
 
 Let m_i be the polynomials and u(x) <= 0 in the region, for a ball u = |x|^2 - r^2. Where all m_i
 vanish in it
@@ -23,15 +23,15 @@ Rounding is counted as in `certificate`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.polynomial.jets import Jets
+from spacearm.polynomial.tubes import ROUNDING, Booleans, Indices, Tubes
 
 BATCH = 512
 """Boxes that are tried at a time."""
@@ -39,11 +39,6 @@ NARROW = 1e-7
 """Half width of boxes that are not halved: a common root is as good as found."""
 RIDGE = 1e-14
 """Share of the squared slopes that is added to the small systems, which may be singular."""
-EPS = float(np.finfo(np.float64).eps)
-ROUNDING = 1e-9
-"""Share of a distance that bounds its rounding, and to which the nearest place is found."""
-
-Booleans = npt.NDArray[np.bool_]
 
 
 class Expansion(NamedTuple):
@@ -97,54 +92,6 @@ class Expansion(NamedTuple):
             slope + 0.5 * (across - np.minimum(diagonal, 0.0)) + (size[:, None] @ self.third)[:, 0]
         )
         return (a * self.value - size * self.noise).sum(axis=1) - taken.sum(axis=1), taken
-
-
-@dataclass(frozen=True, eq=False)
-class Tube:
-    """All points no farther than a radius from the straight segment between 0 and `step`.
-
-    Attributes:
-        step: (n,) the end of the segment; zeros for a ball.
-        radius: The radius.
-    """
-
-    step: Array
-    radius: float
-
-    def distances(self, centre: Array, half: Array) -> Array:
-        """Return how far boxes (m, n) are from the segment, rounded down."""
-        long = float(np.linalg.norm(self.step))
-
-        def at(t: Array) -> Array:
-            beyond = np.maximum(np.abs(centre - t[:, None] * self.step) - half, 0.0)
-            return np.asarray(np.linalg.norm(beyond, axis=1))
-
-        low, high = np.zeros(len(centre)), np.full(len(centre), 1.0 if long else 0.0)
-        while long and (high - low).max(initial=0.0) > ROUNDING:  # convex in t
-            one, two = low + (high - low) / 3.0, high - (high - low) / 3.0
-            falls = at(one) > at(two)
-            low, high = np.where(falls, one, low), np.where(falls, high, two)
-        return np.maximum(at(low) * (1.0 - ROUNDING) - long * (high - low), 0.0)
-
-    def expanded(self, centre: Array, half: Array) -> Expansion:
-        """Expand u in boxes (m, n): of the ball about an end beyond it, else of the cylinder."""
-        (m, n), length = centre.shape, float(self.step @ self.step)
-        along, wide = centre @ self.step, half @ np.abs(self.step)
-        ended = (along - wide >= length) & (length > 0.0)
-        ball = ended | (along + wide <= 0.0) | (length == 0.0)
-        x = centre - ended[:, None] * self.step
-        form = np.eye(n) - (~ball / (length or 1.0))[:, None, None] * np.outer(self.step, self.step)
-        turned = (form @ x[:, :, None])[:, :, 0]
-        value = (x * turned).sum(axis=1) - self.radius**2
-        bend = 2.0 * form * half[:, :, None] * half[:, None, :]
-        noise = 16.0 * n * EPS * ((x**2).sum(axis=1) + self.radius**2 + (wide + length))
-        return Expansion(
-            value[:, None],
-            (2.0 * turned * half)[:, None],
-            bend[:, None],
-            np.zeros((m, 1, n)),
-            noise[:, None],
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,13 +151,15 @@ class Roots:
             self._noise * (1.0 + turn + 0.5 * turn**2),
         )
 
-    def free(self, centre: Array, half: Array, tube: Tube | None = None) -> tuple[Booleans, Array]:
+    def free(
+        self, centre: Array, half: Array, inside: Expansion | None = None
+    ) -> tuple[Booleans, Array]:
         """Tell which boxes hold no common root, rounding included.
 
         Args:
             centre: (m, n) centres, in x.
             half: (m, n) half widths.
-            tube: What of each box counts; all of it if None.
+            inside: u in the boxes, which is not positive where a box counts; all of it if None.
 
         Returns:
             (m,) whether it is proven, and (m, n) what the width of each joint takes.
@@ -219,8 +168,8 @@ class Roots:
         trials = [(own, own.normalised(np.eye(p)[[i]])) for i in range(p)]
         if p > 1:
             trials += [(own, own.factors(rest)) for rest in (0.0 * own.rest, own.rest)]
-        if tube is not None:
-            both = own.with_(tube.expanded(centre, half))
+        if inside is not None:
+            both = own.with_(inside)
             for rest in (0.0 * both.rest, np.pad(own.rest, ((0, 0), (0, 1)))):
                 a = both.factors(rest)
                 a[:, p] = np.maximum(a[:, p], 0.0)
@@ -234,11 +183,11 @@ class Roots:
 
 
 class Proof(NamedTuple):
-    """What is proven of a tube.
+    """What is proven of tubes.
 
     Attributes:
-        radius: The tube of this radius holds no common root, proven.
-        open: (k, n) centres of the boxes that are not proven, nearest to the segment first, in x.
+        radius: No common root is nearer to the curve than this, proven.
+        open: (k, n) centres of the boxes that are not proven, nearest to the curve first, in x.
         tried: How many boxes were tried.
     """
 
@@ -248,42 +197,56 @@ class Proof(NamedTuple):
 
 
 def prove(
-    roots: Roots, tube: Tube, most: int, progress: Callable[[int], object] | None = None
+    roots: Roots, tubes: Tubes, most: int, progress: Callable[[int], object] | None = None
 ) -> Proof:
-    """Prove that a tube holds no common root, as far as a budget of boxes goes.
+    """Prove that tubes hold no common root, as far as a budget of boxes goes.
 
     Args:
         roots: The polynomials; only what lies between `low` and `high` counts.
-        tube: The tube.
+        tubes: The tubes.
         most: Largest number of boxes that are tried.
         progress: Called now and then with the number tried since.
     """
-    tube = replace(tube, step=np.where(roots.relevant, tube.step, 0.0))  # as the roots see it
-    ends = np.array((np.minimum(0.0, tube.step), np.maximum(0.0, tube.step)))
-    low = np.where(roots.relevant, np.maximum(roots.low, ends[0] - tube.radius), 0.0)
-    high = np.where(roots.relevant, np.minimum(roots.high, ends[1] + tube.radius), 0.0)
-    if (low > high).any():
-        return Proof(tube.radius, np.empty((0, len(low))), 0)
-    centre, half = 0.5 * (low + high)[None], 0.5 * (high - low)[None] * (1.0 + ROUNDING)
-    away = tube.distances(centre, half)
+    whole, tubes = tubes, tubes.within(roots.relevant)  # as the roots see them
+    low, high = tubes.boxes()
+    low = np.where(roots.relevant, np.maximum(roots.low, low), 0.0)
+    high = np.where(roots.relevant, np.minimum(roots.high, high), 0.0)
+    of = np.flatnonzero((low <= high).all(axis=1))
+    centre, half = 0.5 * (low + high)[of], 0.5 * (high - low)[of] * (1.0 + ROUNDING)
+    away = tubes.distances(centre, half, of) - tubes.slack[of]
     tried = 0
     while len(centre):
         order = np.argsort(away, kind="stable")
         now, later = order[:BATCH], order[BATCH:]
         if tried >= most or half[now[0]].max() < NARROW:
-            return Proof(min(float(away[now[0]]), tube.radius), centre[order], tried)
+            open_ = np.where(roots.relevant, centre[order], whole.start[of[order]])
+            return Proof(min(max(float(away[now[0]]), 0.0), tubes.radius), open_, tried)
         tried += len(now)
         if progress:
             progress(len(now))
-        free, taken = roots.free(centre[now], half[now], tube)
-        c, h = halved(centre[now][~free], half[now][~free], taken[~free])
-        near = (d := tube.distances(c, h)) < tube.radius
-        centre, half = (
-            np.concatenate((centre[later], c[near])),
-            np.concatenate((half[later], h[near])),
-        )
-        away = np.concatenate((away[later], d[near]))
-    return Proof(tube.radius, centre, tried)
+        inside = _inside(tubes, centre[now], half[now], of[now])
+        free, taken = roots.free(centre[now], half[now], inside)
+        left = now[~free]
+        c, h = halved(centre[left], half[left], taken[~free])
+        which = np.tile(of[left], 2)
+        d = tubes.distances(c, h, which) - tubes.slack[which]
+        near = d < tubes.radius
+        centre = np.concatenate((centre[later], c[near]))
+        half = np.concatenate((half[later], h[near]))
+        away, of = np.append(away[later], d[near]), np.append(of[later], which[near])
+    return Proof(tubes.radius, centre, tried)
+
+
+def _inside(tubes: Tubes, centre: Array, half: Array, of: Indices) -> Expansion:
+    """Expand u in boxes (m, n)."""
+    value, slope, bend, noise = tubes.form(centre, half, of)
+    return Expansion(
+        value[:, None],
+        (slope * half)[:, None],
+        (bend * half[:, :, None] * half[:, None])[:, None],
+        np.zeros((len(centre), 1, centre.shape[1])),
+        noise[:, None],
+    )
 
 
 def halved(centre: Array, half: Array, taken: Array) -> tuple[Array, Array]:

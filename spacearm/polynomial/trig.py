@@ -36,6 +36,7 @@ from spacearm.arrays import Array, plain
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.polynomial.contraction import Index, T, contract, over_blocks, to_complex, to_real
 from spacearm.polynomial.univariate import Complex, Roots, distinct, line_roots, orders, real_roots
+from spacearm.results import Cell, Described, Description, Measure, Table
 from spacearm.signatures import checked
 
 Sampler = Callable[[Array], Array]
@@ -133,7 +134,7 @@ EPS = float(np.finfo(np.float64).eps)
 
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
-class TrigPolynomial:
+class TrigPolynomial(Described):
     """A real trigonometric polynomial of n angles.
 
     Attributes:
@@ -159,8 +160,19 @@ class TrigPolynomial:
         """Sum of |c_k|, a bound of all values."""
         return float(np.abs(self.coefficients).sum())
 
-    def __repr__(self) -> str:
-        return f"TrigPolynomial(degrees {self.degrees}, {self.coefficients.size} coefficients)"
+    def describe(self) -> Description:
+        """Describe degrees and coefficients."""
+        facts: dict[str, Cell] = {
+            "degrees": ", ".join(map(str, self.degrees)),
+            "coefficients": self.coefficients.size,
+            "sum of their sizes, a bound of all values": self.scale,
+            "distance from the function fitted, at most": Measure(self.error, "", ".3g"),
+        }
+        return Description(
+            title=f"degrees {self.degrees}",
+            verdict=f"{self.coefficients.size} coefficients",
+            tables=[Table.facts(facts)],
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the degrees and the coefficients, each as [re, im], as plain JSON data."""

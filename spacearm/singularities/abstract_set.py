@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -19,17 +19,18 @@ from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales, joint_vector, warn_outside
-from spacearm.polynomial.certificate import WHOLE, Certificate, Verdict, certify
+from spacearm.polynomial.certificate import WHOLE, Certificate, certify
 from spacearm.polynomial.free_regions import Roots as Region
-from spacearm.polynomial.free_regions import Tube, prove
+from spacearm.polynomial.free_regions import prove
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.level_set import Mesh
 from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.polynomial.tubes import Tubes, foot, straight
 from spacearm.polynomial.univariate import Roots
 from spacearm.results import Cell, Described, Description, Table
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import any_payload, immaterial_links, payload_note
-from spacearm.singularities.nearest import NearestSingular, nearest_singular
+from spacearm.singularities.nearest import NearestSingular, most_boxes, nearest_singular
 from spacearm.singularities.polynomials import minors_of, proving_minors
 from spacearm.singularities.rounding import error_bars
 
@@ -70,78 +71,115 @@ def prove_free(
             progress(WHOLE * number // len(rows), WHOLE)
         proof = certify(minors, ends, decides)
         if not proof:
-            return proof._replace(segment=number)
+            return replace(proof, segment=number)
         margin = min(margin, proof.margin)
     noise = max(minor.noise() / minor.scale for minor in minors)
     return Certificate(True, None, None, margin, "free", noise)
 
 
-MOST_BOXES = 100_000
-"""Boxes that the proof of a clearance may take on each segment."""
+CHORD = 0.02
+"""How far a chord that stands for several pieces of a path may be from it, over the clearance."""
+MANY = 5
+"""How many times as many boxes as that of a posture the proof of a clearance may take."""
 
 
 def prove_clear(
     arm: SpaceArm,
     mode: BaseMode,
-    path: npt.ArrayLike,
+    way: Array,
     at_least: float,
     limits: bool = False,
     progress: Progress | None = None,
 ) -> Certificate:
-    """Prove that no singular configuration is nearer to a path than a clearance.
+    """Prove that no singular configuration is nearer to a way in joint space than a clearance.
 
-    About each segment lies a tube of this radius, which is divided into boxes until in each of them
-    minors of J* have no common root (`polynomial.free_regions`).
+    About it lie tubes, which are divided into boxes until in each of them minors of J* have no
+    common root (`polynomial.free_regions`).
 
     Args:
         arm: The arm.
         mode: What the spacecraft does.
-        path: (m, n) joint positions, at least one.
-        at_least: The clearance [rad]; sliding joints count by `SingularityReport.radian`.
+        way: (m, d, n) control points of its pieces, as `control_points`.
+        at_least: The clearance [rad]; sliding joints count by `SingularityReport.radian`. Zero for
+            the way alone.
         limits: Whether only what lies within the joint limits counts.
-        progress: Called as progress(done, 1000), in thousandths of the path.
+        progress: Called as progress(done, 1000), in thousandths of the boxes that there may be.
 
     Returns:
         The certificate. Its `clearance` is what is proven: where it is less than asked for, up to
         the first configuration that is not proven, or as far as the boxes went.
 
     Raises:
-        ConfigurationError: The clearance is no positive number.
+        ConfigurationError: The clearance is no number from 0 on.
         UnsupportedError: J* has no minors to prove it with, or too large ones.
     """
-    if not (np.isfinite(at_least) and at_least > 0.0):
-        raise ConfigurationError(f"clearance is {at_least!r} rad; give a positive number")
+    if not (np.isfinite(at_least) and at_least >= 0.0):
+        raise ConfigurationError(f"clearance is {at_least!r} rad; give a number from 0 on")
     minors = proving_minors(arm, mode)
     if not minors:
         raise UnsupportedError(
             f"{arm.name}: J* has no minors of a size that could prove a clearance; lock joints, or "
             "prove the path free without one"
         )
-    rows, unit = path_rows(arm, path), joint_scales(arm)
-    starts, ends = (rows[:-1], rows[1:]) if len(rows) > 1 else (rows, rows)
-    least, first, at = at_least, None, None
-    for i, (start, step) in enumerate(zip(starts, (ends - starts) / unit, strict=True)):
-        if progress:
-            progress(WHOLE * i // len(starts), WHOLE)
-        low, high = np.minimum(step, 0.0) - at_least, np.maximum(step, 0.0) + at_least
-        if limits:
-            low = np.maximum(low, (arm.lower - start) / unit)
-            high = np.minimum(high, (arm.upper - start) / unit)
-        proof = prove(Region(minors, start, unit, low, high), Tube(step, at_least), MOST_BOXES)
-        if proof.radius < least or (len(proof.open) and at is None):
-            least, first, at = proof.radius, i, start + unit * proof.open[0]
+    unit = joint_scales(arm)
+    points = way / unit
+    ends = points.min(axis=(0, 1)) - at_least, points.max(axis=(0, 1)) + at_least
+    if limits:
+        ends = np.maximum(ends[0], arm.lower / unit), np.minimum(ends[1], arm.upper / unit)
+    roots = Region(minors, np.zeros(arm.n), unit, *ends)
+    most = boxes = MANY * most_boxes(minors)
+    proof, proven = None, 0.0
+    for chord in (CHORD * at_least, 0.0):  # chords that are the way itself tell the most
+
+        def tried(m: int) -> None:
+            nonlocal boxes
+            boxes -= m
+            if progress:
+                progress(WHOLE * (most - boxes) // most, WHOLE)
+
+        proof = prove(roots, Tubes.about(points, at_least, chord), boxes, tried)
+        proven = max(proven, proof.radius)
+        if not len(proof.open):
+            break
     noise = max(minor.noise() / minor.scale for minor in minors)
-    verdict: Verdict = "free" if at is None else "undecided"
-    return Certificate(at is None, at, first, 0.0, verdict, noise, least)
+    if proof is None or not len(proof.open):
+        return Certificate(True, None, None, 0.0, "free", noise, at_least)
+    at = proof.open[0]
+    return Certificate(False, unit * at, foot(points, at)[1], 0.0, "undecided", noise, proven)
 
 
-def path_rows(arm: SpaceArm, path: npt.ArrayLike) -> Array:
+class Way(Protocol):
+    """A motion, as `sa.Motion`: in joint space each piece lies within its control points."""
+
+    @property
+    def q(self) -> Array:
+        """(m, n) joint positions of its rows."""
+
+    @property
+    def control_points(self) -> Array:
+        """(pieces, d, n) control points of the way that is flown."""
+
+
+Path: TypeAlias = npt.ArrayLike | Way
+
+
+def control_points(arm: SpaceArm, path: Path) -> Array:
+    """Return the control points (m, d, n) of a motion, or of straight segments between rows (m, n).
+
+    Raises:
+        ConfigurationError: There is no row, or a row is no configuration.
+    """
+    rows = path_rows(arm, path)
+    return np.asarray(getattr(path, "control_points", straight(rows)))
+
+
+def path_rows(arm: SpaceArm, path: Path) -> Array:
     """Return the checked configurations (m, n) of a path.
 
     Raises:
         ConfigurationError: There is none, or a row is none.
     """
-    given = np.atleast_2d(numbers_of(path, "path"))
+    given = np.atleast_2d(numbers_of(getattr(path, "q", path), "path"))
     rows = np.array([joint_vector(arm, q, "path") for q in given])
     if not len(rows):
         raise ConfigurationError("path has no rows; give at least one configuration")
@@ -283,16 +321,18 @@ class SingularSet(Described, ABC):
         """
 
     def nearest(
-        self, q: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
+        self, q: Path, *, limits: bool = False, progress: Progress | None = None
     ) -> NearestSingular:
-        """Find the singular configuration nearest to q (n,) in joint space.
+        """Find the singular configuration nearest to a configuration or a path in joint space.
 
         It is the best of descents from some 200 starts about q. A proof that none is nearer follows
         unless joints mimic others (`polynomial.free_regions`), to 99 % of the distance, of
-        redundant arms to 90 %; where it takes too many boxes it ends with what is proven so far.
+        redundant arms and paths to 90 %; where it takes too many boxes it ends with what is proven
+        so far. On a path it is looked for from the six places that are nearest to first order.
 
         Args:
-            q: (n,) joint positions.
+            q: (n,) joint positions; rows (m, n) of a path of straight segments; or a motion, of
+                plans the way that is flown.
             limits: Whether only configurations within the joint limits count.
             progress: Called now and then as progress(done, most); a search may end before.
 
@@ -302,13 +342,13 @@ class SingularSet(Described, ABC):
         Raises:
             NoSolutionError: None was found.
         """
-        centre, minors = joint_vector(self.arm, q, "q"), proving_minors(self.arm, self.mode)
-        return nearest_singular(self.arm, self.mode, centre, limits, minors, progress)
+        way, minors = control_points(self.arm, q), proving_minors(self.arm, self.mode)
+        return nearest_singular(self.arm, self.mode, way, limits, minors, progress)
 
     def is_free(
         self,
-        q0: npt.ArrayLike,
-        q1: npt.ArrayLike,
+        q0: Path,
+        q1: npt.ArrayLike | None = None,
         *,
         limits: bool = False,
         clearance: float = 0.0,
@@ -318,8 +358,8 @@ class SingularSet(Described, ABC):
         An interval is free as soon as one of the minors is certified not to vanish on it.
 
         Args:
-            q0: (n,) joint positions at its start.
-            q1: (n,) joint positions at its end.
+            q0: (n,) joint positions at its start; or a path, as `clearance` takes it.
+            q1: (n,) joint positions at its end; not of a path.
             limits: Whether only the part within the joint limits counts.
             clearance: Distance from the segment within which no configuration is singular [rad].
 
@@ -330,32 +370,35 @@ class SingularSet(Described, ABC):
         Warns:
             ModelWarning: An end is outside the joint limits, or looks like degrees.
         """
-        ends = [joint_vector(self.arm, q, name) for q, name in ((q0, "q0"), (q1, "q1"))]
+        if q1 is None:
+            return self.clearance(q0, limits=limits, at_least=clearance)
+        ends = [joint_vector(self.arm, np.asarray(q), s) for q, s in ((q0, "q0"), (q1, "q1"))]
         for q, name in zip(ends, ("q0", "q1"), strict=True):
             warn_outside(self.arm, q, name)
         return self.clearance(ends, limits=limits, at_least=clearance)
 
     def clearance(
         self,
-        path: npt.ArrayLike,
+        path: Path,
         *,
         limits: bool = False,
         at_least: float = 0.0,
         progress: Progress | None = None,
     ) -> Certificate:
-        """Prove the same for a path of straight segments.
+        """Prove the same for a path of straight segments, or for a motion.
 
         Args:
-            path: (m, n) joint positions, at least one.
+            path: (m, n) joint positions, at least one; or a motion: of plans the way that is flown.
             limits: As in `is_free`.
             at_least: As `clearance` in `is_free`.
             progress: Called now and then as progress(done, 1000), in thousandths of the path.
         """
-        proof = self._proof(path, limits, progress)
-        if not (at_least and proof):
+        way = control_points(self.arm, path)
+        proof = self._proof(path_rows(self.arm, path), limits, progress)
+        if not proof or (not at_least and way.shape[1] <= 2):
             return proof
-        clear = prove_clear(self.arm, self.mode, path, at_least, limits, progress)
-        return clear._replace(margin=proof.margin)
+        clear = prove_clear(self.arm, self.mode, way, at_least, limits, progress)
+        return replace(clear, margin=proof.margin)
 
     def _proof(self, path: npt.ArrayLike, limits: bool, progress: Progress | None) -> Certificate:
         """Prove that a path meets no singularity."""

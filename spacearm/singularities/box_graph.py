@@ -28,8 +28,9 @@ from spacearm.files import write
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales, joint_vector
-from spacearm.polynomial.free_regions import ROUNDING, Roots
+from spacearm.polynomial.free_regions import Roots
 from spacearm.polynomial.jets import Jets
+from spacearm.polynomial.tubes import ROUNDING
 from spacearm.results import Cell, Column, Description, Result, Table
 from spacearm.signatures import checked
 from spacearm.singularities.joint_boxes import TURN, minors_for_proofs, range_allowed

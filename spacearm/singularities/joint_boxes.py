@@ -21,11 +21,12 @@ import numpy.typing as npt
 from spacearm.arrays import Array, Progress, numbers_of, positive
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.files import write
-from spacearm.model.arguments import BaseMode, free_components
+from spacearm.model.arguments import BaseMode, require_possible
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_scales
-from spacearm.polynomial.free_regions import ROUNDING, Roots, halved
+from spacearm.polynomial.free_regions import Roots, halved
 from spacearm.polynomial.jets import Jets
+from spacearm.polynomial.tubes import ROUNDING
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.signatures import checked
 from spacearm.singularities.nearest import NearestSearch
@@ -266,9 +267,9 @@ def minors_for_proofs(arm: SpaceArm, mode: BaseMode) -> list[Jets]:
 
     Raises:
         ConfigurationError: There is no such mode.
-        UnsupportedError: There are none.
+        UnsupportedError: There are none, or the arm can never do its task.
     """
-    free_components(mode)
+    require_possible(arm, mode)
     minors = sorted(proving_minors(arm, mode), key=lambda f: f.polynomial.coefficients.size)
     if not minors:
         raise UnsupportedError(

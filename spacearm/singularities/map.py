@@ -61,8 +61,12 @@ class SingularMap(Result):
         facts: dict[str, Cell] = {
             "grid points along each joint": len(self.angles),
             "singular curves": "none exact" if self.curves is None else len(self.curves),
-            "least distance on the grid": Measure(float(np.nanmin(self.distance)), "rad"),
-            "largest distance on the grid": Measure(float(np.nanmax(self.distance)), "rad"),
+            "least distance on the grid, to first order": Measure(
+                float(np.nanmin(self.distance)), "rad"
+            ),
+            "largest distance on the grid, to first order": Measure(
+                float(np.nanmax(self.distance)), "rad"
+            ),
         }
         facts |= {f"{name} held at [rad] or [m]": at for name, at in self.held.items()}
         return Description(

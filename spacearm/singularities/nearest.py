@@ -27,16 +27,24 @@ from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales
-from spacearm.polynomial.free_regions import Roots, Tube, prove
+from spacearm.polynomial.free_regions import Roots, prove
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.newton import shortened
+from spacearm.polynomial.tubes import Tubes, deviations, foot
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 
 Booleans = npt.NDArray[np.bool_]
 
 SHARE, SHARE_OF_SEVERAL, GAP = 0.99, 0.9, 1e-4
-"""Share of the distance found up to which it is proven that none is nearer, by one and by several
-minors; in up to three joints that matter all but so much [rad]."""
+"""Share of the distance found up to which it is proven that none is nearer, by one minor and by
+several or along a way; in up to three joints that matter all but so much [rad]."""
+CHORD = 0.2
+"""How far a chord that stands for several pieces of a way may be from it: share of the distance
+that need not be proven."""
+ABREAST, LOOKED_AT, LOOKED_FROM, ALONG = 0.1, 400, 6, 0.3
+"""Between places on a way at which it is estimated how near the set is [rad], and their largest
+number; the largest number from which the nearest configuration is looked for, and how far apart
+they are [rad]."""
 MOST_BOXES, MOST_TERMS = 20_000, 2.5e9
 """Boxes that such a proof may take, and how many coefficients are summed up in them."""
 NEARER = 1e-6
@@ -66,6 +74,9 @@ NEARBY = 0.02
 LANDED = 1e-9
 """Steps onto the set that are no longer end the way there: the next would be of the order of their
 square [rad]."""
+SPACING, MOST_SEARCHED, PASSES = float(np.radians(10.0)), 64, 6
+"""Way between the rows of a motion that are searched [rad], most of them, and how often the points
+that are found from one row are tried from the others."""
 LINEARISED = 100
 """Configurations that the set is linearised at until an offset has settled, about."""
 THERE, FAR = 1e-8, 10.0
@@ -81,13 +92,13 @@ class NearestSingular(Result):
     Attributes:
         arm: The arm.
         mode: What the spacecraft does.
-        start: (n,) where it was looked from.
+        start: (n,) where it was looked from; of a way the configuration on it that is nearest.
         limits: Whether only configurations within the joint limits count.
         q: (n,) the configuration, no whole turns away.
         distance: How far it is [rad]: the root of the sum of the squares of the joints' ways,
             sliding ones as in `SingularityReport.radian`. The nearest one of all is no farther.
-        distance_proven: No singular configuration is nearer than this [rad]: proven, rounding
-            included. Zero where nothing is proven.
+        distance_proven: No singular configuration is nearer than this [rad], anywhere on a way:
+            proven, rounding included. Zero where nothing is proven.
     """
 
     arm: SpaceArm
@@ -136,17 +147,18 @@ def angle(value: float, down: bool = False) -> str:
 def nearest_singular(
     arm: SpaceArm,
     mode: BaseMode,
-    q: Array,
+    way: Array,
     limits: bool = False,
     minors: Sequence[Jets] = (),
     progress: Progress | None = None,
 ) -> NearestSingular:
-    """Find the singular configuration nearest to q.
+    """Find the singular configuration nearest to a configuration, or to a way in joint space.
 
     Args:
         arm: The arm.
         mode: What the spacecraft does.
-        q: (n,) configuration.
+        way: (m, d, n) control points of its pieces, see `polynomial.tubes`; of a configuration
+            (1, 1, n).
         limits: Whether only configurations within the joint limits count.
         minors: Functions of the joint positions that vanish together on the whole set, to prove
             that none is nearer; a proof that stops at a place leads to nearer ones there.
@@ -156,10 +168,10 @@ def nearest_singular(
         NoSolutionError: None was found.
     """
     unit, done = joint_scales(arm), 0
-    low, high = ((arm.lower - q) / unit, (arm.upper - q) / unit) if limits else (-np.inf, np.inf)
-    terms = sum(f.polynomial.coefficients.size for f in minors)
-    boxes = int(min(MOST_BOXES, MOST_TERMS / terms)) if terms else 0
-    most = _most(arm.n) + boxes
+    points = way / unit
+    places = _lookouts(arm, mode, points)
+    boxes = most_boxes(minors)
+    most = _most(arm.n) * len(places) + boxes
 
     def worked(m: int) -> None:
         nonlocal done
@@ -167,27 +179,72 @@ def nearest_singular(
         if progress:
             progress(done, most)
 
-    search = NearestSearch(arm, mode, q[None], low, high, linearised=worked)
-    best, proven = search.nearest(), 0.0
+    def about(x: Array) -> NearestSearch:
+        low, high = ((arm.lower, arm.upper) / unit - x) if limits else (-np.inf, np.inf)
+        return NearestSearch(arm, mode, (unit * x)[None], low, high, linearised=worked)
+
+    best, start, distance, proven = None, points[0, 0], np.inf, 0.0
+
+    def is_nearer(x: Array, offset: Array | None) -> bool:
+        nonlocal best, start, distance
+        there = x if offset is None else x + offset
+        beside = foot(points, there)[0]
+        away = float(np.linalg.norm(there - beside))
+        if offset is None or not away < distance * (1.0 - NEARER):
+            return False
+        best, start, distance = there, beside, away
+        return True
+
+    for x in places:
+        while is_nearer(x, about(x).nearest()) and not np.array_equal(x, start):
+            x = start
+    share = SHARE if len(minors) == 1 and len(way) == 1 else SHARE_OF_SEVERAL
     while best is not None and boxes > 0:
-        distance = float(np.linalg.norm(best))
-        ends = np.maximum(low, -distance), np.minimum(high, distance)
-        roots = Roots(minors, q, unit, *np.broadcast_arrays(*ends, np.zeros(arm.n))[:2])
-        wanted = distance * (SHARE if len(minors) == 1 else SHARE_OF_SEVERAL)
+        ends = points.min(axis=(0, 1)) - distance, points.max(axis=(0, 1)) + distance
+        if limits:
+            ends = np.maximum(ends[0], arm.lower / unit), np.minimum(ends[1], arm.upper / unit)
+        roots = Roots(minors, np.zeros(arm.n), unit, *ends)
+        wanted = distance * share
         if roots.relevant.sum() <= 3:
             wanted = max(wanted, distance - GAP)
-        proof = prove(roots, Tube(np.zeros(arm.n), wanted), boxes, worked)
+        proof = prove(
+            roots, Tubes.about(points, wanted, CHORD * (distance - wanted)), boxes, worked
+        )
         proven, boxes = max(proven, proof.radius), boxes - proof.tried
         if not len(proof.open):
             break
-        nearer = search.settled(search.descended(proof.open[: STARTS[1]])[0])
-        if nearer is None or not np.linalg.norm(nearer) < distance * (1.0 - NEARER):
+        x = foot(points, proof.open[0])[0]
+        search = about(x)
+        if not is_nearer(x, search.settled(search.descended(proof.open[: STARTS[1]] - x)[0])):
             break
-        best = nearer
     if best is None:
         raise NoSolutionError(f"{arm.name}: no singular configuration was found")
-    distance = float(np.linalg.norm(best))
-    return NearestSingular(arm, mode, q, limits, q + unit * best, distance, min(proven, distance))
+    distance += float(deviations(points).max())  # the way itself may be farther than its chords
+    proven = min(proven, distance)
+    return NearestSingular(arm, mode, unit * start, limits, unit * best, distance, proven)
+
+
+def most_boxes(minors: Sequence[Jets]) -> int:
+    """Return how many boxes a proof with minors may take, in a second or two."""
+    terms = sum(f.polynomial.coefficients.size for f in minors)
+    return int(min(MOST_BOXES, MOST_TERMS / terms)) if terms else 0
+
+
+def _lookouts(arm: SpaceArm, mode: BaseMode, points: Array) -> list[Array]:
+    """Return places (n,) on a way from which its nearest singular configuration is looked for."""
+    rows = np.vstack((points[:, 0], points[-1:, -1]))
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(rows, axis=0), axis=1)))
+    m = min(1 + int(np.ceil(along[-1] / ABREAST)), LOOKED_AT)
+    if m == 1:
+        return [rows[0]]
+    s = np.linspace(0.0, along[-1], m)
+    places = np.column_stack([np.interp(s, along, x) for x in rows.T])
+    distance = linearise(arm, joint_scales(arm) * places, mode).distance
+    chosen: list[int] = []
+    for i in np.argsort(distance):
+        if len(chosen) < LOOKED_FROM and all(abs(s[i] - s[j]) > ALONG for j in chosen):
+            chosen.append(int(i))
+    return [places[i] for i in chosen]
 
 
 def nearest_locally(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Array, float] | None:
@@ -213,6 +270,45 @@ def local_offsets(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
         return X
     search = NearestSearch(arm, mode, Q, expected=LINEARISED * len(Q))
     return search.rested(search.onto(X, LANDING))
+
+
+def distances_found(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
+    """Return how far the nearest singular configurations found from some rows are, (m,) [rad].
+
+    Rows `SPACING` apart on the way, the first and the last one are searched as by
+    `nearest_singular`, which has the same numbers there. From what is found, and from the points
+    nearest to first order, the nearest points of the other rows are reached along the set. None
+    that is nearest of all is farther; inf where none was found.
+
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+        Q: (m, n) joint positions, in the order of a motion.
+    """
+    from scipy.spatial import KDTree  # slow to import
+
+    best = np.full(len(Q), np.inf if arm.n >= arm.task.k else 0.0)
+    if not best.any():
+        return best
+    at = Q / joint_scales(arm)
+    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(at, axis=0), axis=1)))
+    spots = np.arange(0.0, way[-1], max(SPACING, way[-1] / MOST_SEARCHED))
+    points = at + local_offsets(arm, mode, Q)
+    for i in sorted({0, len(Q) - 1, *np.searchsorted(way, spots).tolist()}):
+        if (end := NearestSearch(arm, mode, Q[i : i + 1]).nearest()) is not None:
+            points = np.vstack((points, at[i] + end))
+    for _ in range(PASSES):
+        points = points[~np.isnan(points[:, 0])]
+        if not len(points):
+            break
+        distance, nearest = KDTree(points).query(at)
+        nearer = np.flatnonzero(distance < best * (1.0 - NEARER))
+        if not nearer.size:
+            break
+        best = np.minimum(best, distance)
+        search = NearestSearch(arm, mode, Q[nearer], expected=LINEARISED * len(nearer))
+        points = np.vstack((points, at[nearer] + search.rested((points[nearest] - at)[nearer])))
+    return best
 
 
 def _most(n: int) -> int:

@@ -31,7 +31,7 @@ from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
 from spacearm.mechanics import batch
 from spacearm.mechanics.jacobian import task_jacobian
-from spacearm.model.arguments import BaseMode
+from spacearm.model.arguments import BaseMode, require_possible
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle, eliminate, find_triangle, share_root
@@ -50,8 +50,6 @@ MIMIC = (
     "with locked={...}"
 )
 """Why arms with such joints have no singularity polynomial."""
-NEVER = 1e-9
-"""A task whose sigma_min / sigma_max is below this everywhere is one that the arm can never do."""
 
 
 @checked
@@ -126,6 +124,7 @@ def minor_sampler(arm: SpaceArm, minors: Iterable[Sequence[int]], mode: BaseMode
     Raises:
         UnsupportedError: The task is one that the arm can never do.
     """
+    require_possible(arm, mode)
     sampler = _sampler_of_one_tip if len(arm.tips) == 1 else _sampler_of_several_tips
     return sampler(arm, np.array([*minors]), mode)
 
@@ -134,15 +133,16 @@ def _sampler_of_one_tip(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampl
     """Return the function that computes minors from the momentum seen from the tip."""
     rows, free = _rows_and_free_directions(arm, mode)
     columns = np.array([[*free, *joints] for joints in 6 + minors])
-    if columns.shape[1] != len(rows):  # the task has rows that a planar arm cannot do
-        raise _impossible(arm)
     seen = _columns_at_random(arm, mode)[:, rows]
     chosen = seen[:, :, columns].swapaxes(1, 2)
     sizes = np.linalg.norm(chosen, axis=2).prod(axis=2)
     idle = np.abs(seen[:, :, 6:]).max(axis=(0, 1)) <= ROUNDING  # their length is rounding as well
     vanish = np.abs(np.linalg.det(chosen)) <= ROUNDING_OF_MINORS * sizes
     if (idle[minors].any(axis=1) | vanish).all():
-        raise _impossible(arm)
+        raise UnsupportedError(
+            f"{arm.name}: all minors of J* are rounding, the joints move rows of the task "
+            f"{arm.task.names!r} hardly at all; choose others"
+        )
     return lambda Q: batch.minors(arm, Q, mode, rows, columns)
 
 
@@ -153,32 +153,11 @@ def _columns_at_random(arm: SpaceArm, mode: BaseMode) -> Array:
     return batch.columns_seen(arm, Q, mode)
 
 
-def comparable_sampler(arm: SpaceArm, like: SpaceArm) -> Sampler:
-    """Return the function that computes S of an arm, with the factor of another's.
-
-    Both have the same joints; S is then a polynomial of the arm's masses and moments.
-    """
-    rows, free = _rows_and_free_directions(like, "free-floating")
-    columns = np.array([[*free, *range(6, 6 + like.n)]])
-    mine, its = (batch.unit_of_minors(one, "free-floating", rows, columns) for one in (arm, like))
-    return lambda Q: batch.minors(arm, Q, "free-floating", rows, columns) * (its / mine)
-
-
-def _impossible(arm: SpaceArm) -> UnsupportedError:
-    return UnsupportedError(
-        f"{arm.name}: the task {arm.task.names!r} is singular at every configuration; choose rows "
-        "that the arm can move along"
-    )
-
-
 def _sampler_of_several_tips(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler:
     """Return the function that computes minors as det(D) det(J*), one by one."""
     D_unit = max(np.abs(cfg.A[3:, 3:6]).max() for cfg in _probes(arm))
     at_probes = np.array([task_jacobian(cfg, mode=mode) for cfg in _probes(arm)])
     J_unit = np.abs(at_probes).max()
-    sigma = np.linalg.svd(at_probes, compute_uv=False)
-    if (sigma[:, -1] <= NEVER * sigma[:, 0]).all():
-        raise _impossible(arm)
 
     def sampler(Q: Array) -> Array:
         cfgs = [arm.at(q) for q in Q]
@@ -274,12 +253,7 @@ def _why_not_square(arm: SpaceArm) -> str | None:
             f"{n} joints for {k} task rows ({arm.task.names}): the arm is redundant "
             f"and has no determinant; {to_square(arm)}"
         )
-    if n < k:
-        return (
-            f"{n} joints for {k} task rows ({arm.task.names}): the arm can never do "
-            f"this task; take one with {n} rows"
-        )
-    return None
+    return arm.fault_of_task() if n < k else None
 
 
 def to_square(arm: SpaceArm) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -13,7 +13,7 @@ from spacearm.arrays import Array, Progress
 from spacearm.errors import ConfigurationError, listed
 from spacearm.mechanics.distance import rank_distances_of, refined_at
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
-from spacearm.model.arguments import BaseMode
+from spacearm.model.arguments import BaseMode, impossible
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_scales
 from spacearm.results import (
@@ -28,9 +28,9 @@ from spacearm.results import (
     without_noise,
 )
 from spacearm.signatures import checked
-from spacearm.singularities.nearest import angle, nearness
+from spacearm.singularities.nearest import NearestSingular, angle, nearness
 from spacearm.singularities.rounding import error_bars
-from spacearm.singularities.sets import nearest_posture
+from spacearm.singularities.sets import nearest_on_way
 
 Kind = Literal["regular", "kinematic", "dynamic"]
 
@@ -65,6 +65,8 @@ class SingularityReport(Result):
     Attributes:
         configuration: The configuration.
         mode: What the spacecraft does.
+        impossible: Why the arm can do the task at no posture, and which one it can; "" if it can.
+            All postures are then singular.
         sigma: (k,) singular values of the task Jacobian, largest first; zeros at the end where
             the arm has fewer joints than the task has rows.
         sigma_min: Least singular value.
@@ -105,6 +107,7 @@ class SingularityReport(Result):
 
     configuration: Configuration
     mode: BaseMode
+    impossible: str
     sigma: Array
     sigma_min: float
     error: float
@@ -143,6 +146,8 @@ class SingularityReport(Result):
     @property
     def verdict(self) -> str:
         """The answer in one sentence."""
+        if self.impossible:
+            return self.impossible
         kind = self.kind if self.rank == len(self.sigma) else f"{self.kind} singularity"
         if self.nearest is not None:
             return f"{kind}: {nearness(self.distance, self.distance_proven)}"
@@ -313,27 +318,20 @@ def singularity(
     dJ, error = task_jacobian_derivative(cfg, mode=mode), error_bars(cfg, mode=mode).sigma
     found = rank_distances_of(cfg.arm, J, dJ, error)
     rank = int(np.count_nonzero(found.distances > tolerance))
-    nearest, proven = None, 0.0
     distance, away = refined_at(cfg, found, mode)
     distances = np.append(np.maximum(found.distances[:-1], distance), distance)
-    if exact:
-        near = nearest_posture(cfg, mode, progress)
-        if near is not None:
-            nearest, distance, proven = near.q, near.distance, near.distance_proven
-            away = (cfg.q - nearest) / distance if distance > tolerance else away
-        elif distance > tolerance:
-            distance = np.inf
-    return SingularityReport(
+    report = SingularityReport(
         configuration=cfg,
         mode=mode,
+        impossible=impossible(cfg.arm, mode),
         sigma=sigma,
         sigma_min=float(sigma[-1]),
         error=error,
         distance=distance,
-        distance_proven=proven,
+        distance_proven=0.0,
         distances=distances,
         away=away,
-        nearest=nearest,
+        nearest=None,
         rank=rank,
         manipulability=float(np.prod(sigma)),
         condition=float(sigma[0] / sigma[-1]) if sigma[-1] > 0.0 else float("inf"),
@@ -348,6 +346,26 @@ def singularity(
         axes=task.axes(cfg.base.rotation),
         length=task.length if task.mixed else None,
         tolerance=tolerance,
+    )
+    return (
+        searched(report, nearest_on_way(cfg.arm, mode, cfg.q[None, None], progress))
+        if exact
+        else report
+    )
+
+
+def searched(report: SingularityReport, near: NearestSingular | None) -> SingularityReport:
+    """Return a report to first order with the nearest singular configuration that was found."""
+    if near is None:
+        far = report.distance > report.tolerance
+        return replace(report, distance=np.inf) if far else report
+    apart = near.distance > report.tolerance
+    return replace(
+        report,
+        nearest=near.q,
+        distance=near.distance,
+        distance_proven=near.distance_proven,
+        away=(near.start - near.q) / near.distance if apart else report.away,
     )
 
 

@@ -11,16 +11,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, named, whole
+from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
-from spacearm.results import Column, Description, Result, Table
+from spacearm.results import Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
 
 NEAR = float(np.radians(5.0))
@@ -165,7 +165,9 @@ def _edges(bins: object) -> Array:
     return edges
 
 
-class PoseRisk(NamedTuple):
+@checked
+@dataclass(frozen=True, eq=False, repr=False)
+class PoseRisk(Result):
     """Share of configurations near a singularity for sampled tip poses.
 
     The spacecraft's attitude is free. Tip poses with the same position of the system CM in tip axes
@@ -187,15 +189,21 @@ class PoseRisk(NamedTuple):
     bound: float
     unit: str
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain JSON data."""
-        return named(self)
-
-    def __repr__(self) -> str:
-        return (
-            f"PoseRisk({len(self.share)} poses, {nearness(self)}: {self.share.mean():.1%} on "
-            f"average, at most {self.share.max():.1%}, among configurations within "
-            f"{self.within.max():.3g} m)"
+    def describe(self) -> Description:
+        """Describe mean and largest share, and how near the configurations come to the poses."""
+        quantiles = {f"{p} % of the poses at most": np.percentile(self.share, p) for p in (50, 90)}
+        facts = {
+            "mean": self.share.mean(), **quantiles, "largest": self.share.max()
+        }  # fmt: skip
+        table = Table.facts({name: Measure(x, "", ".1%") for name, x in facts.items()}, "Share")
+        return Description(
+            title=f"{len(self.share)} poses, {nearness(self)}",
+            verdict=f"share {self.share.mean():.1%} on average, at most {self.share.max():.1%}",
+            notes=[
+                "of each pose the configurations that nearly reach it, within "
+                f"{self.within.max():.3g} m of the system CM"
+            ],
+            tables=[table],
         )
 
 

@@ -29,23 +29,27 @@ section 7.2.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, named
+from spacearm.arrays import Array
 from spacearm.mechanics.jacobian import generalized_jacobian, task_jacobian
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.results import Cell, Column, Description, Result, Table
 from spacearm.signatures import checked
 
 ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 """Relative error of a term for each joint, movable or fixed, that it is carried across."""
 
 
-class ErrorBars(NamedTuple):
+@checked
+@dataclass(frozen=True, eq=False, repr=False)
+class ErrorBars(Result):
     """Bounds of the rounding errors of J* and of the singular values.
 
     They cover the arithmetic only. The numbers of the URDF, those given to `SpaceArm.replace`,
@@ -54,17 +58,28 @@ class ErrorBars(NamedTuple):
     fixed and locked joints, positions of mimic joints.
 
     Attributes:
+        arm: The arm.
         sigma: Bound for every singular value of the task Jacobian, in its unit. A sigma_min below
             it may be an exact zero.
         jacobian: (6, n) bounds for the entries of J*, rows as in `generalized_jacobian`.
     """
 
+    arm: SpaceArm
     sigma: float
     jacobian: Array
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return both bounds as plain JSON data."""
-        return named(self)
+    def describe(self) -> Description:
+        """Describe the bound of the singular values and the largest one of each column of J*."""
+        columns: dict[Column | str, Sequence[Cell]] = {
+            "joint": self.arm.joint_names,
+            Column("largest error in its column of J* [SI]", "", ".2e"): self.jacobian.max(axis=0),
+        }
+        return Description(
+            title=f"{self.arm.name}, rounding errors",
+            verdict=f"singular values are exact to {self.sigma:.3g} {self.arm.sigma_unit}",
+            tables=[Table.by_columns(columns)],
+            not_checked="errors of the description itself",
+        )
 
 
 @checked
@@ -98,7 +113,7 @@ def error_bars(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Error
     A_inv, X = _norms(inverse, 3), _norms(inverse @ cfg.A[:f, 6:], 1)
     G = A_inv @ E_b
     if np.abs(np.linalg.eigvals(G)).max(initial=0.0) >= 1.0:
-        return ErrorBars(np.inf, np.full_like(cfg.J[:, 6:], np.inf))
+        return ErrorBars(cfg.arm, np.inf, np.full_like(cfg.J[:, 6:], np.inf))
     X = X + np.linalg.solve(np.eye(len(G)) - G, A_inv @ (E_q + E_b @ X))
     E = E_Jq + E_Jb @ X + _norms(cfg.J[:, :f] @ inverse, 3) @ (E_q + E_b @ X)
     task = cfg.arm.task
@@ -106,7 +121,7 @@ def error_bars(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Error
     scale[[index // 3 for index in task.indices]] = task.scale
     of_J = np.linalg.norm(scale * _norms(generalized_jacobian(cfg, mode=mode), 1))
     sigma = np.linalg.norm(scale * E) + rounding * of_J
-    return ErrorBars(float(sigma), np.repeat(E, 3, axis=0))
+    return ErrorBars(cfg.arm, float(sigma), np.repeat(E, 3, axis=0))
 
 
 def proven_sign(cfg: Configuration, *, mode: BaseMode = "free-floating") -> int:

@@ -16,13 +16,13 @@ import numpy as np
 
 from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import NoSolutionError, UnsupportedError
-from spacearm.model.arguments import BaseMode
-from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.arguments import BaseMode, impossible, require_possible
+from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle
 from spacearm.signatures import checked
-from spacearm.singularities.abstract_set import SingularSet, prove_free
+from spacearm.singularities.abstract_set import SingularSet, prove_clear, prove_free
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.nearest import NearestSingular, lose_rank, nearest_singular
 from spacearm.singularities.polynomials import (
@@ -136,9 +136,10 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
         >>> found.complete, found.roots([0.3, 0.0], "joint_2").angles.round(4)
         (True, array([-3.0748,  0.0841]))
     """
+    require_possible(arm, mode)
     k, n = arm.task.k, arm.n
     turns = not arm.slides.any() and arm.coupling is None
-    if n < k or (n == k and turns):
+    if n == k and turns:
         S = singularity_polynomial(arm, mode=mode)
         joint = min(reversed(range(n)), key=lambda j: S.degrees[j] or S.coefficients.size)
         return ExactSet(arm, mode, Triangle((S,), (joint,)), Chart.turning(n))
@@ -162,7 +163,11 @@ def prove_regular(
     know whether the singular set is whole.
 
     None where the minors of J* are no polynomials, as for mimic joints, or too large.
+
+    Raises:
+        UnsupportedError: The arm can never do its task.
     """
+    require_possible(arm, mode)
     with suppress(UnsupportedError):
         if arm.n > arm.task.k and has_minors(arm):
             minors = minors_of(arm, mode)
@@ -176,19 +181,42 @@ def prove_regular(
     return None
 
 
-def nearest_posture(
-    cfg: Configuration, mode: BaseMode, progress: Progress | None = None
+def prove_way(
+    arm: SpaceArm, mode: BaseMode, way: Array, at_least: float = 0.0
+) -> Certificate | None:
+    """Return the proof that no singular configuration is nearer to a way, as `prove_clear`.
+
+    None where the minors of J* are no polynomials, as for mimic joints, or too large.
+    """
+    with suppress(UnsupportedError):
+        return prove_clear(arm, mode, way, at_least)
+    return None
+
+
+def nearest_on_way(
+    arm: SpaceArm,
+    mode: BaseMode,
+    way: Array,
+    progress: Progress | None = None,
+    proven: bool = True,
 ) -> NearestSingular | None:
-    """Find the singular configuration nearest to cfg, as `SingularSet.nearest`; None if none was.
+    """Find the singular configuration nearest to a way, as `SingularSet.nearest`; None if none was.
 
     An arm that can never do its task is singular where it is.
+
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+        way: (m, d, n) control points, as for `nearest_singular`.
+        progress: As in `SingularSet.nearest`.
+        proven: Whether to prove that none is nearer.
     """
-    arm = cfg.arm
-    if arm.n < arm.task.k:
-        return NearestSingular(arm, mode, cfg.q, False, cfg.q, 0.0, 0.0)
+    if impossible(arm, mode):
+        q = way[0, 0]
+        return NearestSingular(arm, mode, q, False, q, 0.0, 0.0)
     minors: Sequence[Jets] = ()
-    with suppress(UnsupportedError):  # the task is one that the arm can never do
-        minors = proving_minors(arm, mode)
+    with suppress(UnsupportedError):  # all minors are rounding
+        minors = proving_minors(arm, mode) if proven else ()
     with suppress(NoSolutionError):
-        return nearest_singular(arm, mode, cfg.q, minors=minors, progress=progress)
+        return nearest_singular(arm, mode, way, minors=minors, progress=progress)
     return None

@@ -18,7 +18,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.motion.controllers import LAWS, Controller, TipLaw
 from spacearm.motion.flights import Grasp, Phase, Release
 from spacearm.motion.goal import goal_of
-from spacearm.motion.plant import Integration, PassiveJoint, Plant, WheelHold, Wrench
+from spacearm.motion.plant import Integration, PassiveJoint, Plant, Sampling, WheelHold, Wrench
 from spacearm.sweeps.toml import Table
 
 MODES: tuple[BaseMode, ...] = get_args(BaseMode)
@@ -88,6 +88,22 @@ def _wrench(pushed: Table, link: str) -> Wrench:
     return wrench
 
 
+def read_sampling(table: Table) -> Sampling | None:
+    """Return period, delay and noise of a controller of fixed rate; None if there are none."""
+    if "sampling" not in table.values:
+        return None
+    given = table.inner("sampling")
+    options: dict[str, Any] = {}
+    for name in _fields(given, Sampling):
+        if name == "seed":
+            options[name] = given.take(name, int)
+        elif name.endswith("noise") and isinstance(given.values[name], list):
+            options[name] = given.numbers(name)
+        else:
+            options[name] = given.take(name, float)
+    return Sampling(**options)
+
+
 def read_integration(table: Table, default: Integration) -> Integration:
     """Return how to integrate: `default` with what the table gives."""
     options: dict[str, Any] = {}
@@ -112,19 +128,15 @@ def read_phases(table: Table, arm: SpaceArm) -> list[Phase]:
 
 
 def _phase(table: Table, arm: SpaceArm) -> Phase:
-    timing = {
-        name: table.take(name, float)
-        for name in _fields(table, Phase)
-        if name in ("period", "delay")
-    }
+    _fields(table, Phase)
     return Phase(
         read_laws(table.inner("controller"), arm),
         table.positive("duration", float),
         _then(table),
         plant=read_plant(table.inner("plant")),
+        sampling=read_sampling(table),
         stop=table.texts("stop"),
         integration=read_integration(table.inner("integration"), Integration()),
-        **timing,
     )
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +23,13 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
 from spacearm.motion.simulation import COARSE, FAILURES, simulate_many
 from spacearm.singularities.risk import check_slides, risk_profile
-from spacearm.sweeps.motion_tables import MODES, read_integration, read_law, read_plant
+from spacearm.sweeps.motion_tables import (
+    MODES,
+    read_integration,
+    read_law,
+    read_plant,
+    read_sampling,
+)
 from spacearm.sweeps.toml import Table
 from spacearm.workspaces.design import shell_measures
 from spacearm.workspaces.path_dependent import EFFORT
@@ -278,10 +285,16 @@ VARIABLES = {
     "success": Variable({"units": "1", "about": "whether the target was reached"}),
     "time_to_target": Variable({"units": "s", "about": "NaN if it was not reached"}),
     "first_singularity": Variable({"units": "s", "about": "NaN if none was met"}),
-    "least_distance": Variable({"units": "rad", "about": "least distance to the singular set"}),
+    "least_distance": Variable(
+        {"units": "rad", "about": "least distance to the singular set, to first order"}
+    ),
     "turn": Variable({"units": "rad", "about": "largest turn of the spacecraft from its start"}),
     "failed": Variable({"units": "1", "about": "whether the law or the integrator failed"}),
 }
+
+
+SPREADS = ("spread", "rate_spread", "attitude_spread")
+"""Standard deviations of the starts: joint positions, joint rates, a turn about each axis."""
 
 
 class Simulations(Quantity):
@@ -292,25 +305,34 @@ class Simulations(Quantity):
 
     def read(self, table: Table, arms: Sequence[SpaceArm]) -> None:
         """Read the table."""
-        table.knows("controller", "start", "duration", "runs", "mode", "plant", "integration")
+        table.knows(
+            "controller", "start", "duration", "runs", "mode", "plant", "sampling", "integration"
+        )
         self.controller = table.inner("controller")
         self.mode = table.choice("mode", MODES, "free-floating")
         self.plant = read_plant(table.inner("plant"))
         self.integration = read_integration(table.inner("integration"), COARSE)
         start = table.inner("start")
-        start.knows("q", "spread", "attitude")
-        self.q, self.spread = start.numbers("q"), start.numbers("spread", [0.0])
+        start.knows("q", "attitude", *SPREADS)
+        self.q, self.sampling = start.numbers("q"), read_sampling(table)
+        self.spread, self.rates, self.turns = (start.numbers(name, [0.0]) for name in SPREADS)
         self.attitude = start.numbers("attitude", [0.0, 0.0, 0.0])
         if len(self.attitude) != 3:
             raise start.fail("attitude", "give roll, pitch and yaw [rad]")
-        if (self.spread < 0.0).any():
-            raise start.fail("spread", "give standard deviations from 0 on")
+        for name in SPREADS:
+            if (start.numbers(name, [0.0]) < 0.0).any():
+                raise start.fail(name, "give standard deviations from 0 on")
+        if len(self.turns) not in (1, 3):
+            raise start.fail("attitude_spread", "give one number, or 3")
         self.duration = table.positive("duration", float)
         for arm in arms:
             if len(self.q) != arm.n:
                 raise start.fail("q", f"give {arm.n} joint positions of {arm.name}")
-            if len(self.spread) not in (1, arm.n):
-                raise start.fail("spread", f"give one number, or {arm.n} for {arm.name}")
+            for name in SPREADS[:2]:
+                if len(start.numbers(name, [0.0])) not in (1, arm.n):
+                    raise start.fail(name, f"give one number, or {arm.n} for {arm.name}")
+            if self.sampling is not None:
+                self.sampling.noise(arm.n)  # raises for one that makes no sense
             arm.require_one_tip()
             read_law(self.controller, arm)
         self.shape = (table.positive("runs", int, 1),)
@@ -319,13 +341,18 @@ class Simulations(Quantity):
     def compute(self, arm: SpaceArm, box: Box, seed: Sequence[int]) -> Mapping[str, Any]:
         """Simulate the runs of a box; in each the system CM is the origin at the start."""
         first, last = box[0].start, box[0].stop
-        rng = np.random.default_rng((*seed, first))
-        Q0 = self.q + self.spread * rng.normal(size=(last - first, arm.n))
-        turned = pin.SE3(pin.rpy.rpyToMatrix(self.attitude), np.zeros(3))
+        rng, m, R = np.random.default_rng((*seed, first)), last - first, self.attitude
+        Q0 = self.q + self.spread * rng.normal(size=(m, arm.n))
+        rates = self.rates * rng.normal(size=(m, arm.n))
+        turns = self.turns * rng.normal(size=(m, 3))
+        bases = [pin.SE3(pin.rpy.rpyToMatrix(R) @ pin.exp3(turn), np.zeros(3)) for turn in turns]
+        placed = zip(Q0, bases, strict=True)
+        starts = [arm.at(q, base=base).centred(np.zeros(3)) for q, base in placed]
+        noisy = self.sampling and replace(self.sampling, seed=self.sampling.seed + first)
         found = simulate_many(
-            [arm.at(q, base=turned).centred(np.zeros(3)) for q in Q0],
-            read_law(self.controller, arm), self.duration, mode=self.mode, plant=self.plant,
-            distance=True, integration=self.integration, threads=1,
+            starts, read_law(self.controller, arm), self.duration, dq=rates, mode=self.mode,
+            plant=self.plant, sampling=noisy, distance=True, integration=self.integration,
+            threads=1,
         )  # fmt: skip
         failed = np.isin(found["ended"], FAILURES)
         kept = {name: found[name].values for name in VARIABLES if name in found}

@@ -96,10 +96,10 @@ class Study:
         controller = {law = "TransposedJacobian", target = [1.5, 1.5], kp = 5, kd = 15}
         start.q = [-1.0, 1.05]          # joint positions [rad] or [m], their standard deviation
         start.spread = 0.02             # (one number or n), and the attitude of the spacecraft as
-        start.attitude = [0, 0, 0.37]   # roll, pitch, yaw [rad]
+        start.attitude = [0, 0, 0.37]   # roll, pitch, yaw [rad]; also attitude_spread, rate_spread
         duration = 60.0
         runs = 1000                     # for each design; also mode, and the fields of
-        plant = {limits = true}         # `sa.Plant` and `sa.Integration`
+        plant = {limits = true}         # `sa.Plant`, `sa.Sampling` and `sa.Integration`
         integration = {rtol = 1e-6}
 
         [distance]                      # a map over joints, as q1, ... or by name; sigma_min too

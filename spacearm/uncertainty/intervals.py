@@ -17,6 +17,7 @@ from spacearm.description.bodies import Inertial
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import SpaceArm
+from spacearm.results import Described, Description, Table
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import immaterial_links
 
@@ -53,7 +54,7 @@ class Parameter(NamedTuple):
 
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
-class UncertainArm:
+class UncertainArm(Described):
     """An arm whose masses, inertias and centres of mass are known in intervals only.
 
     Made by `uncertain`. The inertia of a link grows with its mass in proportion, and with
@@ -146,9 +147,15 @@ class UncertainArm:
             "parameters": {p.name: [float(p.low), float(p.high)] for p in self.parameters},
         }
 
-    def __repr__(self) -> str:
+    def describe(self) -> Description:
+        """Describe the intervals."""
         parts = ", ".join(f"{p.name} {p.low:.4g} to {p.high:.4g}" for p in self.parameters)
-        return f"UncertainArm({self.arm.label}: {parts})"
+        rows = [
+            (p.name, p.low, p.high, "an interval" if p.law is None else "a distribution")
+            for p in self.parameters
+        ]
+        columns = ("number [kg], [m] or a factor", "from", "to", "known as")
+        return Description(title=self.arm.name, verdict=parts, tables=[Table(columns, rows)])
 
 
 @checked

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,23 +11,22 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, within_100
-from spacearm.errors import ConfigurationError, NoSolutionError, listed
-from spacearm.model.arm import Configuration
+from spacearm.arrays import Array, Progress, within_100
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
+from spacearm.model.arguments import FLOATING, require_possible
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
 from spacearm.motion.goal import Goal, Origin
 from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Joints, Search
 from spacearm.planning.result import Plan
-from spacearm.polynomial.certificate import certify
-from spacearm.polynomial.jets import Jets
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, Tone
 from spacearm.signatures import checked
 from spacearm.singularities.abstract_set import path_rows
-from spacearm.singularities.polynomials import check_square, singularity_polynomial
-from spacearm.singularities.report import singularity
-from spacearm.uncertainty.family import Family, family_of
+from spacearm.singularities.nearest import angle
+from spacearm.singularities.sets import nearest_on_way
 from spacearm.uncertainty.intervals import UncertainArm
+from spacearm.uncertainty.regularity import Finding, look
 from spacearm.workspaces.path_dependent import workspace
 from spacearm.workspaces.shells import merged, without
 
@@ -34,8 +34,8 @@ SAMPLES = 200
 """Default number of random arms."""
 MOST_CORNERS, MOST_CORNERS_OF_SHELLS = 8, 5
 """Parameters up to which all corners of the box are tried, for distances and for shells."""
-MOST_BOXES = 400
-"""Boxes of parameters that a proof may look at."""
+ROUNDS = 3
+"""How often nearer ends of all parameters are looked for where not all corners are tried."""
 CLEARANCES = (0.1, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 """Clearances that are asked of plans, one after the other, until one is robust [deg]."""
 
@@ -43,20 +43,21 @@ CLEARANCES = (0.1, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class DistanceRange(Result):
-    """The distance to the singular set over all arms tried, to first order.
+    """How far singular postures are that were found of arms from the intervals.
 
-    Each is `sa.singularity(cfg).distance` of its arm: near the singular set the distance, far away
-    a hint. The range is no bound, except where an arm is `singular`.
+    Each distance is that of the nearest singular posture found of one arm, as by
+    `SingularSet.nearest`. So an arm from the intervals comes as near as `low` or nearer; others may
+    come nearer or stay farther away than those tried.
 
     Attributes:
         nominal: That of the arm as described [rad].
-        low: The least [rad]; 0 where `singular`.
-        high: The largest [rad].
-        singular: Whether det(J*) changes its sign between two arms tried: an arm between them is
-            singular. False says nothing.
+        low: The least found [rad]; 0 where `singular`.
+        high: The largest of the arms tried [rad].
+        singular: Whether an arm from the intervals is singular at the posture itself.
+        regular: Whether none is: proven, rounding included. It is open where neither holds.
         least: The values at which it is least, by name; those of that arm where `singular`.
         distances: (m,) those of all arms tried, random ones first [rad].
-        tried: Number of arms tried; between them it may be less or more.
+        tried: Number of arms tried.
         random: How many of them are random, as the distributions have it.
         immaterial: Names of the uncertain numbers on which no singular configuration depends, and
             so no distance; they stay as described.
@@ -66,6 +67,7 @@ class DistanceRange(Result):
     low: float
     high: float
     singular: bool
+    regular: bool
     least: dict[str, float]
     distances: Array
     tried: int
@@ -83,20 +85,23 @@ class DistanceRange(Result):
 
     def describe(self) -> Description:
         """Describe the range, and the values at which the distance is least."""
-        low, high, nominal = np.degrees([self.low, self.high, self.nominal])
-        least = "0°, an arm between is singular," if self.singular else f"{low:.4g}°"
+        low, high, nominal = map(angle, (self.low, self.high, self.nominal))
+        itself = "one of the arms is singular at the posture itself"
+        if not self.singular:
+            known = "ruled out, proven" if self.regular else "NOT ruled out"
+            itself = f"that {itself} is {known}"
         facts: dict[str, Cell] = {
-            "as described, to first order": Measure(self.nominal, "rad"),
-            "least found": Measure(self.low, "rad"),
-            "det(J*) changes its sign": self.singular,
-            "largest, to first order": Measure(self.high, "rad"),
+            "found, as described": Measure(self.nominal, "rad"),
+            "found, least": Measure(self.low, "rad"),
+            "found, largest of the arms tried": Measure(self.high, "rad"),
             **{f"least with {name}": value for name, value in self.least.items()},
         }
         if self.immaterial:
             facts["whatever the"] = listed(self.immaterial)
         return Description(
-            title=f"distance to the singular set of {self.tried:,} arms",
-            verdict=f"{least} to {high:.4g}°, {nominal:.4g}° as described, to first order",
+            title=f"singular postures of {self.tried:,} arms",
+            verdict=f"found {low} to {high} away, {nominal} as described; {itself}",
+            notes=["Arms that were not tried may come nearer or stay farther away."],
             tables=[Table.facts(facts)],
         )
 
@@ -108,11 +113,11 @@ class RobustCertificate(Result):
 
     Attributes:
         free: Whether it is free for all of them: proven, rounding included.
-        verdict: "free"; "singular": at the values `values` S changes sign at `at`, which is proven;
-            "undecided": the boxes of `MOST_BOXES` did not decide.
+        verdict: "free"; "singular": with the values `values` an arm is singular at `at`;
+            "undecided": the budget of the proof ended first.
         values: The counterexample, by name, without `immaterial`; None unless singular.
         at: (n,) where on the path that arm is singular; None unless singular.
-        boxes: Number of boxes of parameters looked at.
+        pieces: Number of pieces of path and parameters looked at.
         immaterial: Names of the uncertain numbers on which no singular configuration depends; the
             verdict holds for any value of theirs (see `UncertainArm.relevant`).
     """
@@ -121,7 +126,7 @@ class RobustCertificate(Result):
     verdict: str
     values: dict[str, float] | None
     at: Array | None
-    boxes: int
+    pieces: int
     immaterial: tuple[str, ...]
 
     def __bool__(self) -> bool:
@@ -129,7 +134,10 @@ class RobustCertificate(Result):
 
     def describe(self) -> Description:
         """Describe the verdict, and the counterexample where there is one."""
-        facts: dict[str, Cell] = {"boxes of parameters": self.boxes, **(self.values or {})}
+        facts: dict[str, Cell] = {
+            "pieces of path and parameters": self.pieces,
+            **(self.values or {}),
+        }
         if self.at is not None:
             facts["joint positions there [rad]"] = self.at
         if self.immaterial:
@@ -146,13 +154,19 @@ class RobustCertificate(Result):
 
 @checked
 def distance_range(
-    uncertain: UncertainArm, q: npt.ArrayLike, *, samples: int = SAMPLES, seed: int = 0
+    uncertain: UncertainArm,
+    q: npt.ArrayLike,
+    *,
+    samples: int = SAMPLES,
+    seed: int = 0,
+    progress: Progress | None = None,
 ) -> DistanceRange:
-    """Compute the range of the distance to the singular set over arms from the intervals.
+    """Find how far the nearest singular postures of arms from the intervals are.
 
     The arms are random ones, and those with all parameters at ends of their intervals if there are
-    up to 8 parameters. Their distances are those of `singularity`, to first order, and the true
-    range may be wider. It begins at 0 where det(J*) changes its sign between two of them.
+    up to 8 parameters; of more, ends that come nearer are looked for. The least distance found is 0
+    where an arm is singular at the posture itself; that none is, is proven where it can be, as by
+    `is_free_for_all`.
 
     Numbers of the last link and of what it holds stay as described where the task is the full pose:
     the distance does not depend on them.
@@ -162,9 +176,10 @@ def distance_range(
         q: (n,) joint positions [rad] or [m].
         samples: Number of random arms.
         seed: Of these.
+        progress: Called as progress(done, total) after each arm.
 
     Returns:
-        The least and the largest distance, and the values with the least.
+        The least and the largest distance found, and the values with the least.
 
     Example:
         >>> import numpy as np
@@ -179,19 +194,39 @@ def distance_range(
     q, uncertain = joint_vector(arm, q, "q"), uncertain.relevant()
     samples = samples if uncertain.parameters else 1
     shares = uncertain.tried(samples, seed, MOST_CORNERS)
-    reports = [singularity(uncertain.realise(t).at(q)) for t in shares]
-    found = np.array([report.distance for report in reports])
-    nominal = float(singularity(arm.at(q)).distance)
+    more = ROUNDS if len(uncertain.parameters) > MOST_CORNERS else 0
+    total = len(shares) + more * (2 * len(uncertain.parameters) + 1)
+
+    def found_of(some: Array, done: int) -> Array:
+        values = []
+        for i, t in enumerate(some):
+            values.append(_found(uncertain.realise(t), q))
+            if progress:
+                progress(done + i + 1, total)
+        return np.array(values)
+
+    found = found_of(shares, 0)
+    for _ in range(more):  # corners were not tried: towards a nearer one, each parameter by itself
+        best, p = shares[int(np.argmin(found))], len(uncertain.parameters)
+        ends = np.repeat(best[None], 2 * p, axis=0)
+        ends[range(2 * p), np.repeat(np.arange(p), 2)] = np.tile((0.0, 1.0), p)
+        values = found_of(ends, len(found))
+        corner = values.reshape(p, 2).argmin(axis=1).astype(np.float64)[None]
+        shares = np.vstack((shares, ends, corner))
+        found = np.concatenate((found, values, found_of(corner, len(found) + 2 * p)))
+    nominal = _found(arm, q)
     least, low = shares[int(np.argmin(found))], min(nominal, float(found.min()))
-    values = np.array([report.determinant or 0.0 for report in reports])
-    singular = bool(arm.n == arm.task.k and values.min() <= 0.0 <= values.max())
-    if singular:
-        least, low = _singular_between(uncertain, q, shares, values), 0.0
+    itself = Finding(False, None, None, 0)
+    with suppress(UnsupportedError):  # several tips, sliding joints: it stays open
+        itself = look(uncertain, q[None])
+    if itself.shares is not None:
+        least, low = itself.shares, 0.0
     return DistanceRange(
         nominal=nominal,
         low=low,
         high=max(nominal, float(found.max())),
-        singular=singular,
+        singular=itself.shares is not None,
+        regular=itself.free,
         least=uncertain.named(least),
         distances=found,
         tried=len(found),
@@ -200,39 +235,36 @@ def distance_range(
     )
 
 
-def _singular_between(uncertain: UncertainArm, q: Array, shares: Array, values: Array) -> Array:
-    """Return the shares (p,) of a singular arm between the two of least and largest det(J*)."""
-    from scipy.optimize import brentq  # slow to import
-
-    low, high = shares[int(np.argmin(values))], shares[int(np.argmax(values))]
-
-    def determinant(s: float) -> float:
-        return singularity(uncertain.realise(low + s * (high - low)).at(q)).determinant or 0.0
-
-    return low + float(brentq(determinant, 0.0, 1.0)) * (high - low)
+def _found(arm: SpaceArm, q: Array) -> float:
+    """Return how far the nearest singular posture found of an arm is [rad]; inf if none was."""
+    near = nearest_on_way(arm, FLOATING, q[None, None], proven=False)
+    return np.inf if near is None else near.distance
 
 
 @checked
-def is_free_for_all(uncertain: UncertainArm, path: npt.ArrayLike) -> RobustCertificate:
+def is_free_for_all(
+    uncertain: UncertainArm, path: npt.ArrayLike, *, progress: Progress | None = None
+) -> RobustCertificate:
     """Prove that a path in joint space meets no singularity, for all values in the intervals.
 
-    S is a polynomial of the parameters; its Bernstein coefficients over the box are trigonometric
-    polynomials of the joints, between which S lies. The path is free if they all keep one sign on
-    it; else the box is halved. A corner at which S changes sign is a counterexample.
+    The momenta seen from the tip are enclosed for pieces of the path and all values at once; pieces
+    that are not proven are halved, along the path or along a parameter
+    (`spacearm.uncertainty.regularity`). Any number of parameters will do. Of arms with as many
+    joints as task rows, values for which the path is singular are found by the sign of det(J*).
 
     Numbers of the last link and of what it holds are left out where the task is the full pose: the
     proof holds for any value of theirs.
 
     Args:
-        uncertain: An arm of revolute joints, as many as its task has rows.
+        uncertain: An arm with one tip and no sliding joints.
         path: (m, n) joint positions, joined by straight segments.
+        progress: Called as progress(done, total) in pieces; the total grows with what is halved.
 
     Returns:
         The proof, or values for which the path is singular.
 
     Raises:
-        UnsupportedError: The arm has no singularity polynomial, or too many numbers are uncertain
-            for the proof.
+        UnsupportedError: The arm has several tips or a sliding joint, or can never do its task.
 
     Example:
         >>> import numpy as np
@@ -242,49 +274,18 @@ def is_free_for_all(uncertain: UncertainArm, path: npt.ArrayLike) -> RobustCerti
         >>> sa.is_free_for_all(about, np.radians([[-65, 30], [20, 60]])).free
         True
     """
-    rows = path_rows(uncertain.arm, path)
-    check_square(uncertain.arm)
-    relevant = uncertain.relevant()
-    return replace(_decided(relevant, rows), immaterial=uncertain.beside(relevant))
-
-
-def _decided(uncertain: UncertainArm, rows: Array) -> RobustCertificate:
-    """Prove that no value of the numbers makes a path through rows (m, n) singular."""
-    if not uncertain.parameters:
-        proof = certify([Jets.of(singularity_polynomial(uncertain.arm))], rows)
-        if proof.verdict == "singular":
-            return RobustCertificate(False, "singular", {}, proof.at, 0, ())
-        return RobustCertificate(proof.free, proof.verdict, None, None, 0, ())
-    open_, looked = [family_of(uncertain)], 0
-    while open_ and looked < MOST_BOXES:
-        box = open_.pop()
-        looked += 1
-        proofs = [certify([jets], rows) for jets in box.jets()]
-        numbers, corners = box.corners()
-        for number, corner in zip(numbers, corners, strict=True):
-            if proofs[number].verdict == "singular":
-                at = proofs[number].at
-                return RobustCertificate(False, "singular", uncertain.named(corner), at, looked, ())
-        signs = {bool(f(rows[0]) > 0.0) for f in box.control}
-        ends = {bool(box.control[number](rows[0]) > 0.0) for number in numbers}
-        if all(proofs) and len(signs) == 1:
-            continue
-        if len(ends) == 2:  # S changes sign at the start itself, between two corners
-            return _at_start(box, uncertain, rows[0], looked)
-        open_ += box.halves(int(np.argmax(box.high - box.low)))
-    verdict = "undecided" if open_ else "free"
-    return RobustCertificate(not open_, verdict, None, None, looked, ())
-
-
-def _at_start(box: Family, uncertain: UncertainArm, q: Array, looked: int) -> RobustCertificate:
-    """Return the values between two corners for which the start of a path is singular."""
-    numbers, corners = box.corners()
-    values = [box.control[number](q) for number in numbers]
-    low, high = corners[int(np.argmin(values))], corners[int(np.argmax(values))]
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if box(q, middle[None])[0] < 0.0 else (low, middle)
-    return RobustCertificate(False, "singular", uncertain.named(low), q.copy(), looked, ())
+    rows, relevant = path_rows(uncertain.arm, path), uncertain.relevant()
+    require_possible(uncertain.arm, FLOATING)
+    found = look(relevant, rows, progress)
+    singular = found.shares is not None
+    return RobustCertificate(
+        free=found.free,
+        verdict="free" if found.free else "singular" if singular else "undecided",
+        values=None if found.shares is None else relevant.named(found.shares),
+        at=found.at,
+        pieces=found.pieces,
+        immaterial=uncertain.beside(relevant),
+    )
 
 
 @checked
@@ -307,7 +308,7 @@ def robust_plan(
     depend on them, and is not made robust.
 
     Args:
-        uncertain: An arm of revolute joints, as many as its task has rows.
+        uncertain: An arm with one tip and no sliding joints.
         start: Where it begins, a configuration of `uncertain.arm`.
         goal: As for `plan`; so are the others.
         via: Goals on the way.
@@ -392,20 +393,25 @@ class ShellBands(Result):
         return Description(
             title=f"path dependent workspace of {self.tried:,} arms",
             verdict=f"{number} shells" if number else "shells of different number",
+            notes=["Arms that were not tried may have shells outside these bands."],
             tables=[Table.by_columns(bands)],
         )
 
 
 @checked
-def shell_bands(uncertain: UncertainArm, *, samples: int = 50, seed: int = 0) -> ShellBands:
+def shell_bands(
+    uncertain: UncertainArm, *, samples: int = 50, seed: int = 0, progress: Progress | None = None
+) -> ShellBands:
     """Compute the bands in which the shells of the path dependent workspace lie.
 
-    Each arm's shells are computed as by `workspace`; the bands are those of the arms tried.
+    Each arm's shells are computed as by `workspace`; the bands are those of the arms tried, and no
+    bounds for others.
 
     Args:
         uncertain: An arm with as many revolute joints as its task has rows.
         samples: Number of random arms; the corners of up to 5 parameters are tried besides.
         seed: Of these.
+        progress: Called as progress(done, total) after each arm.
 
     Returns:
         The bands, and what is path dependent for all arms tried and for some.
@@ -420,8 +426,11 @@ def shell_bands(uncertain: UncertainArm, *, samples: int = 50, seed: int = 0) ->
         2
     """
     shares = uncertain.tried(samples, seed, MOST_CORNERS_OF_SHELLS)
-    found = [workspace(uncertain.arm).pdw]
-    found += [workspace(uncertain.realise(t)).pdw for t in shares]
+    found = []
+    for arm in (uncertain.arm, *map(uncertain.realise, shares)):
+        found.append(workspace(arm).pdw)
+        if progress:
+            progress(len(found), 1 + len(shares))
     numbers = {len(pdw) for pdw in found}
     bounds: Any = np.array(found) if len(numbers) == 1 else np.zeros((1, 0, 2))
     low, high = np.stack((bounds.min(axis=0), bounds.max(axis=0)), axis=2).swapaxes(0, 1)

@@ -182,7 +182,7 @@ def _curves(motion: Motion, rows: npt.NDArray[np.int64]) -> Iterator[Curves]:
     rpy = np.unwrap([pin.rpy.matrixToRpy(R) for R in turns], axis=0)
     yield Curves("attitude", "°", ["roll", "pitch", "yaw"], np.degrees(rpy))
     distance = np.degrees(motion.distance[rows, None])
-    yield Curves("distance", "°", ["to a singular posture"], distance)
+    yield Curves("distance", "°", ["to a singular posture found"], distance)
     yield Curves("sigma_min", arm.sigma_unit, ["sigma_min"], motion.sigma_min[rows, None])
     if len(arm.tips) == 1:
         tip = motion.tip[rows, :3]

@@ -20,6 +20,7 @@ from spacearm.errors import ConfigurationError, SpaceArmError, listed
 from spacearm.mechanics.distance import distances
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.wheels import wheel_table
 from spacearm.results import short_names
 from spacearm.singularities.map import telling_joints
 from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport
@@ -40,6 +41,7 @@ STILL = math.radians(0.05)
 def about(arm: SpaceArm) -> dict[str, Any]:
     """Return what the panel shows of an arm once."""
     normal, collisions = arm.tree.plane_normal(), _collisions(arm)
+    wheels = wheel_table(arm.model, arm.wheels)
     return {
         "model": arm.name,
         "tip": arm.tip,
@@ -50,6 +52,7 @@ def about(arm: SpaceArm) -> dict[str, Any]:
         "missing": listed(_missing_meshes(arm)),
         "contacts": collisions if isinstance(collisions, str) else collisions.account,
         "held": dict(arm.held),
+        "wheels": {"head": wheels.head("rad"), "rows": wheels.body("rad")},
         "near": NEAR,
         "tolerance": TOLERANCE,
         "view": VIEW if normal is None else PLANE_VIEWS[normal],
@@ -90,6 +93,7 @@ def readout(report: SingularityReport) -> dict[str, Any]:
         "error": report.error,
         "condition": report.condition if math.isfinite(report.condition) else None,
         "kind": report.kind,
+        "impossible": report.impossible,
         "rank": report.rank,
         "directions": directions.tolist(),
         "gradient": report.gradient.tolist(),

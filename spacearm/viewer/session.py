@@ -19,7 +19,8 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.results import short_names
 from spacearm.singularities.nearest import angle
-from spacearm.singularities.report import SingularityReport, singularity
+from spacearm.singularities.report import SingularityReport, searched, singularity
+from spacearm.singularities.sets import nearest_on_way
 from spacearm.viewer import readouts
 from spacearm.viewer.choices import Origin, number, numbers, placement
 from spacearm.viewer.motions import mode_named, moved
@@ -37,7 +38,7 @@ class Session:
     Attributes:
         arm: The arm.
         cfg: The configuration on show.
-        report: Its singularity report.
+        report: Its singularity report, with the nearest singular configuration found.
         origin: Where it comes from.
         mode: "posture": the attitude stays while joints move; "free-floating": the spacecraft turns
             as momentum conservation demands.
@@ -77,7 +78,10 @@ class Session:
     def show(self, cfg: Configuration) -> None:
         """Show a configuration."""
         self.cfg = cfg
-        self.report: SingularityReport = singularity(cfg, mode=self.spacecraft)
+        report, mode = singularity(cfg, mode=self.spacecraft), self.spacecraft
+        self.report: SingularityReport = searched(
+            report, nearest_on_way(cfg.arm, mode, cfg.q[None, None], proven=False)
+        )
 
     def go(self, q: Array) -> None:
         """Move the joints straight to q (n,); in free-floating mode the spacecraft reacts.
@@ -95,8 +99,8 @@ class Session:
 
     @property
     def home(self) -> Array:
-        """(n,) joint positions: zeros, or the limits nearest to them."""
-        return np.clip(np.zeros(self.arm.n), self.arm.lower, self.arm.upper)
+        """(n,) home positions of the joints."""
+        return self.arm.home
 
     @property
     def range(self) -> tuple[Array, Array]:
@@ -207,7 +211,7 @@ class Session:
 
     def _nearest(self) -> None:
         """Go to the nearest singular configuration in joint space, inside the limits or not."""
-        found = singularity(self.cfg, mode=self.spacecraft, exact=True)
+        found = self.report
         if found.nearest is None:
             raise ConfigurationError(f"{self.arm.name}: no singular configuration was found")
         if found.distance == 0.0:

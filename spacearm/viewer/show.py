@@ -7,9 +7,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
-from spacearm.collisions.obstacles import Obstacle
+from spacearm.collisions.obstacles import ObstacleLike
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
@@ -24,7 +22,7 @@ def view(
     thing: Any,
     *,
     compare: Any = None,
-    obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion] = (),
+    obstacles: ObstacleLike | Sequence[ObstacleLike] = (),
     port: int | None = None,
     open: bool | None = None,
 ) -> Viewer:
@@ -102,8 +100,8 @@ def _viewer(cfg: Configuration, motion: Motion | None = None) -> Viewer:
 
 
 def _home(arm: SpaceArm) -> Configuration:
-    """Return the configuration at zeros, or the limits nearest to them."""
-    return arm.at(np.clip(np.zeros(arm.n), arm.lower, arm.upper))
+    """Return the configuration with all joints at home."""
+    return arm.at(arm.home)
 
 
 def _arm(arm: SpaceArm) -> Viewer:

@@ -18,9 +18,9 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, positive
-from spacearm.collisions.obstacles import Obstacle, obstacles_of
+from spacearm.collisions.obstacles import ObstacleLike, obstacles_of
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.files import name_part, write, write_by
+from spacearm.files import name_part, write_by
 from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.arm import Configuration
 from spacearm.motion.flights import Flight
@@ -149,7 +149,7 @@ class Viewer:
         self._stage.show_layer(name, visible)
         self._changed()
 
-    def obstacles(self, obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion]) -> None:
+    def obstacles(self, obstacles: ObstacleLike | Sequence[ObstacleLike]) -> None:
         """Draw obstacles besides those of the motion; plans of the page hold them off.
 
         Args:
@@ -222,7 +222,7 @@ class Viewer:
         Raises:
             SpaceArmError: The file cannot be written.
         """
-        return write(Path(path), self.html().encode("utf-8"))
+        return write_by(Path(path), lambda file: file.write(self.html().encode("utf-8")))
 
     def png(
         self, path: str | os.PathLike[str], size: tuple[int, int] = (1200, 800), scale: int = 1
@@ -241,7 +241,7 @@ class Viewer:
             SpaceArmError: No browser is found, it draws nothing in two minutes, or the file cannot
                 be written.
         """
-        return write(Path(path), render(self.html(), size, scale))
+        return write_by(Path(path), lambda file: file.write(render(self.html(), size, scale)))
 
     def frames(
         self,

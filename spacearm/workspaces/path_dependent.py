@@ -13,18 +13,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, finite, named, plain, shape_of, whole
+from spacearm.arrays import Array, Progress, finite, plain, shape_of, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.newton import meeting
-from spacearm.results import Cell, Column, Description, Result, Table
+from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
 from spacearm.signatures import checked
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomials import radius_squared, tips_from_centre
@@ -51,7 +51,9 @@ BEST = 20
 """Number of them, nearest to that distance, from which Newton's method starts."""
 
 
-class Region(NamedTuple):
+@checked
+@dataclass(frozen=True, eq=False, repr=False)
+class Region(Result):
     """Kind of a point of the workspace, with singular configurations that reach it.
 
     Attributes:
@@ -68,9 +70,24 @@ class Region(NamedTuple):
     singular: tuple[Configuration, ...]
     point: Array
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain JSON data."""
-        return named(self)
+    def describe(self) -> Description:
+        """Describe the point, and the singular configurations with the tip there."""
+        names = self.singular[0].arm.joint_names if self.singular else ()
+        rows = [
+            (name, *(joint_measures(cfg.q, cfg.arm.slides)[j] for cfg in self.singular))
+            for j, name in enumerate(names)
+        ]
+        found = [f"singular posture {i + 1}" for i in range(len(self.singular))]
+        facts: dict[str, Cell] = {
+            "point from the system CM": Measure(self.point, "m"),
+            "distance from the system CM": Measure(self.radius, "m"),
+        }
+        return Description(
+            title=f"a point {self.radius:.4g} m from the system CM",
+            verdict=self.kind,
+            tone="good" if self.kind == "path independent" else "bad",
+            tables=[Table.facts(facts), *([Table(("joint", *found), rows)] if rows else [])],
+        )
 
 
 def position(

@@ -228,7 +228,7 @@ def test_info_says_what_was_chosen_why_and_how_to_choose_otherwise(tmp_path):
     out = spacearm("info", path).stdout
     said = r"tip +tcp \(its name is one for tips; other arms end in wing\); another one: --tip"
     assert re.search(said, out)
-    assert "Held joints (to make them count: --joints all, or their names)" in out
+    assert "Held joints (to make them count: --joints all, or their names; " in out
     assert re.search(r"panel +revolute +wing +0 rad", out)
     assert "Held" not in spacearm("info", path, "--joints", "all").stdout
     other = answer("info", path, "--tip", "wing")

@@ -8,6 +8,7 @@ import sys
 
 import numpy as np
 import pytest
+from helpers.arms import chosen, joint, link, random_chain
 from helpers.commands import answer, spacearm
 
 import spacearm as sa
@@ -109,6 +110,45 @@ def test_convert_writes_what_loads_to_the_same_arm(tmp_path):
     q = np.full(6, 0.3)
     J = [sa.generalized_jacobian(sa.load(m).at(q)) for m in ("mda6", tmp_path / "x.urdf")]
     np.testing.assert_allclose(*J, atol=1e-12)
+
+
+def test_convert_makes_wheels_of_joints_which_every_command_then_knows(tmp_path):
+    disc = link("disc", 3.0, inertia=np.diag([0.01, 0.01, 0.02]))
+    limit = '<limit effort="0.2" velocity="300"/>'
+    spin = joint("spin", "bus", "disc", "continuous", axis=(0, 0, 1), inside=limit)
+    text = random_chain(chosen(1), 3).replace("</robot>", f"{disc}{spin}</robot>")
+    (tmp_path / "a.urdf").write_text(text, encoding="utf-8")
+    assert "--wheel JOINT" in spacearm("info", tmp_path / "a.urdf").stdout
+    run = spacearm("convert", tmp_path / "a.urdf", "--wheel", "spin", "-o", tmp_path / "b.urdf")
+    assert run.returncode == 0, run.stderr
+    told = json.loads(spacearm("info", tmp_path / "b.urdf", "--json").stdout)["wheel_data"]
+    assert [(w["name"], w["torque"], w["capacity"]) for w in told] == [("spin", 0.2, 6.0)]
+    wrong = spacearm("convert", "planar2", "--wheel", "no", "-o", tmp_path / "c.urdf")
+    assert wrong.returncode == 2
+    assert "'no'" in wrong.stderr
+    assert not (tmp_path / "c.urdf").exists()
+
+
+WRITING = sorted(
+    (name, option.opts[0])
+    for name in COMMANDS
+    for option in command(name).params
+    if re.search(r"\bwrite\b|picture", option.help or "", re.IGNORECASE)
+    and "PATH" in str(option.type).upper()
+)
+
+
+@pytest.mark.parametrize(("name", "option"), WRITING)
+def test_files_to_write_are_tested_before_anything_is_read(name, option, tmp_path):
+    """The model does not exist, either: what is said first is what was tested first."""
+    suffix = ".npz" if option == "--save" and name not in ("box", "view") else ".png"
+    run = spacearm(name, "no_such_model", option, tmp_path / "none" / f"file{suffix}")
+    assert run.returncode == 2
+    assert f"file{suffix} cannot be written: No such file or directory" in run.stderr
+
+
+def test_all_options_that_write_are_known():
+    assert {name for name, _ in WRITING} >= {"box", "convert", "map", "plan", "report", "view"}
 
 
 def test_exit_codes_for_scripts():

@@ -47,8 +47,8 @@ def test_a_bus_for_an_arm_alone(arm_alone):
     refused = spacearm("query", arm_alone, "0.1", "0.2")
     assert refused.returncode == 2
     assert "this is an arm alone" in refused.stderr
-    assert "--bus-mass KG" in refused.stderr
-    options = ("--bus-mass", "90", "--bus-size", "1", "2", "3")
+    assert "--bus KG" in refused.stderr
+    options = ("--bus", "90:1,2,3")
     got = answer("query", arm_alone, "0.1", "0.2", *options)
     at = np.array([0.0, 0.0, 1.5])
     arm = sa.mount(arm_alone, sa.Bus(mass=90, size=(1, 2, 3)), pin.SE3(np.eye(3), at))
@@ -60,13 +60,72 @@ def test_a_bus_for_an_arm_alone(arm_alone):
 
 
 def test_names_are_those_of_the_arm_and_degrees_hold(arm_alone):
-    options = ("--bus-mass", "90", "--bus-size", "1", "1", "1")
+    options = ("--bus-mass", "90:1,1,1")
     turned = answer("query", arm_alone, "10", "--deg", "--lock", "wrist=90", *options)
     same = answer("query", arm_alone, np.radians(10), "--lock", f"wrist={np.pi / 2}", *options)
     assert np.allclose(turned["sigma"], same["sigma"], atol=1e-14)
     assert answer("query", arm_alone, "0.1", "--tip", "arm", *options)["sigma"]
     names = answer("info", "ur5", *options)["joint_data"]
     assert names[0]["name"] == "ur5_shoulder_pan_joint"
+
+
+HULL = robot(
+    frame("frame"),
+    link("hull", 80.0, inertia=9.0 * np.eye(3)),
+    joint("hold", "frame", "hull", "fixed", (0, 0, 0.1)),
+    link("rotor", 2.0, inertia=np.diag([0.02, 0.02, 0.03])),
+    joint("rw", "hull", "rotor", "continuous", (0.1, 0, 0), inside='<limit effort="1"/>'),
+    link("panel", 4.0, (0, 1, 0)),
+    joint("sada", "hull", "panel", "revolute", (0, 0.5, 0), axis=(0, 1, 0)),
+)
+
+
+def test_a_bus_from_a_file_with_wheels_and_home(arm_alone, tmp_path):
+    hull, whole = tmp_path / "hull.urdf", tmp_path / "whole.urdf"
+    hull.write_text(HULL)
+    words = ("--bus", f"{hull}@0.1,0,0.5,0,0,90", "--wheel", "rw=0.2,6", "--tip", "arm", "--deg")
+    run = spacearm("mount", arm_alone, *words, "--home", "sada=30", "-o", whole)
+    assert run.returncode == 0, run.stderr
+    arm = sa.load(whole, task="x")
+    at = sa.pose((0.1, 0, 0.5), (0, 0, np.pi / 2))
+    same = sa.mount(arm_alone, hull, at, tip="arm", task="x").replace(wheels=["rw"])
+    same = same.with_home({"sada": np.pi / 6})
+    assert arm.tip == same.tip == "r_arm"  # the name that it had, behind the name of the robot
+    assert arm.held["sada"] == same.held["sada"] == pytest.approx(np.pi / 6)
+    assert [(wheel.name, wheel.torque) for wheel in arm.wheels] == [("rw", 0.2)]
+    assert arm.wheels[0].capacity == pytest.approx(6.0)
+    J = [sa.generalized_jacobian(one.at([0.4])) for one in (arm, same)]
+    np.testing.assert_allclose(*J, atol=1e-14)
+    told = " ".join(spacearm("info", whole, "--deg").stdout.split())
+    assert "rw hull (0, 0, 1) 0.2 6" in told
+    assert "sada revolute panel 30°" in told
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--bus", "HULL@1,2"), "--bus ...@X,Y,Z,R,P,Y is '1,2"),
+        (("--bus", "nowhere.urdf"), "nowhere.urdf: no such file"),
+        (("--bus", "HULL", "--wheel", "rw=1"), "--wheel rw is '1'; give 2 finite numbers"),
+        (("--bus", "HULL", "--wheel", "rw=-1,2"), "'rw' has the limits -1 N m and 2 N m s"),
+        (("--bus", "HULL", "--wheel", "spin"), "unknown turning joint 'spin'"),
+        (("--bus", "HULL", "--home", "sada=7"), "home of joint 'sada' is 7.0, its limits are -3"),
+        (("--bus", "HULL", "--home", "no=7"), "home: unknown movable joint 'no'"),
+    ],
+)
+def test_what_mount_cannot_do_is_told_and_nothing_written(words, message, arm_alone, tmp_path):
+    (tmp_path / "hull.urdf").write_text(HULL)
+    given = [word.replace("HULL", "hull.urdf") for word in words]
+    run = spacearm("mount", arm_alone, *given, "-o", "whole.urdf", cwd=tmp_path)
+    assert run.returncode == 2
+    assert message in " ".join(run.stderr.split())
+    assert not (tmp_path / "whole.urdf").exists()
+
+
+def test_a_spacecraft_of_the_catalogue_carries_a_second_arm():
+    got = answer("info", "vispa", "--bus", "planar2")
+    assert got["n"] == 6
+    assert {"joint_1", "joint_2"} <= got["held"].keys()
 
 
 def test_mount_writes_one_urdf(arm_alone, tmp_path):
@@ -76,16 +135,16 @@ def test_mount_writes_one_urdf(arm_alone, tmp_path):
     assert f"{path}: bus_ur5, 6 joints, " in run.stdout
     whole = sa.load(path)
     assert whole.mass == pytest.approx(sa.mount("ur5", sa.Bus(mass=200, size=(1, 1, 1))).mass)
-    assert (whole.n, whole.tip) == (6, "ur5")
+    assert (whole.n, whole.tip) == (6, "ur5_tool0")
     missing = spacearm("mount", arm_alone, "-o", path)
-    assert "--bus-mass KG" in missing.stderr
+    assert "--bus KG" in missing.stderr
     assert missing.returncode == 2
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--bus-size", "1", "1", "1"), "--bus-size needs --bus-mass KG"),
+        (("--bus", "90:1,1"), "--bus KG:X,Y,Z is '1,1'; give 3 finite numbers"),
         (("--bus-mass", "-3"), "mass is -3 kg"),
         (("--bus-mass", "90"), "planar2 has a spacecraft; leave it out"),
         (("--arg", "mass=3"), "--arg 'mass=3': give NAME:=VALUE"),
@@ -105,7 +164,7 @@ def test_xacro_arguments_and_packages(tmp_path):
     path = tmp_path / "robot" / "arm.xacro"
     (path.parent / ".git").mkdir(parents=True)
     path.write_text(XACRO)
-    bus = ("--bus-mass", "90", "--bus-size", "1", "1", "1")
+    bus = ("--bus-mass", "90:1,1,1")
     lacking = spacearm("info", path, *bus, "--arg", "mass:=7")
     assert "name the folder that holds 'parts': packages=[FOLDER] or --package" in lacking.stderr
     package = ("--package", tmp_path)

@@ -29,7 +29,12 @@ def test_figures_5_and_6(tmp_path):
     np.testing.assert_allclose(kept.tip[0, :2], (2, 0), atol=1e-4)
     figure = sa.plot(kept, target=(1.5, 1.5))
     labels = [axes.get_ylabel() for axes in figure.axes]
-    assert labels == ["y [m]", "attitude\n[deg]", "joints\n[deg]", "to a singular\nposture [deg]"]
+    assert labels == [
+        "y [m]",
+        "attitude\n[deg]",
+        "joints\n[deg]",
+        "to a singular\nposture found [deg]",
+    ]
     names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
     assert names[:3] == ["tip", "start", "end"]
     assert names[3].startswith("singular (")
@@ -96,7 +101,7 @@ then.grasp = {mass = 3.0, twist = [0.05, -0.08, 0, 0, 0, 0.3]}
 [[phases]]
 duration = 3
 controller = {law = "TransposedJacobian", target = [1.2, 0.9], kp = [5, 5], kd = 15}
-period = 0.1
+sampling.period = 0.1
 integration.dt = 0.1
 then = "release"
 [phases.plant]

@@ -176,6 +176,8 @@ CHANGES = {
         '<drake:joint name="elbow" ignition:frame="arm"/></robot>',
     ),
     "a blank line before the declaration": ("<?xml", "\n  <?xml"),
+    "a version of XML that there is not": ('version="1.0"', 'version="0.0"'),
+    "a joint with the name of the free joint": ('"elbow"', '"root_joint"'),
     "no name": (' name="r"', ""),
     "gazebo": (END, "<gazebo><plugin name='a'/></gazebo></robot>"),
     "transmissions": (END, "<transmission><joint name='j'/></transmission></robot>"),

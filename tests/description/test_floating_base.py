@@ -3,6 +3,7 @@
 import itertools
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import spacearm as sa
@@ -71,9 +72,9 @@ def load(folder, text, suffix=".urdf", **options):
     return sa.load(path, **options)
 
 
-def floating(folder, **options):
+def floating(folder, axes=("0 0 1",) * 3):
     """The same robot, its bus the root."""
-    return load(folder, urdf(()), **options).at(Q)
+    return load(folder, urdf((), axes)).at(Q)
 
 
 def same(arm, reference):
@@ -92,7 +93,6 @@ def test_slides_and_hinges_of_a_urdf_are_the_floating_base(base, tmp_path):
     assert any(all(name in note for name in base) for note in arm.notes)
 
 
-@pytest.mark.filterwarnings("ignore:.*is taken as three hinges:spacearm.ModelWarning")
 @pytest.mark.parametrize("names", [PLANE, ("tx", "ty", "tz", "ball"), SPACE])
 def test_slides_and_hinges_of_an_mjcf_are_the_floating_base(names, tmp_path):
     joints = [
@@ -102,9 +102,70 @@ def test_slides_and_hinges_of_an_mjcf_are_the_floating_base(names, tmp_path):
         f'axis="{AXES[name]}"/>'
         for name in names
     ]
-    with pytest.warns(sa.ModelWarning, match="floats by itself"):
+    with pytest.warns(sa.ModelWarning) as told:
         arm = load(tmp_path, mjcf("".join(joints)), ".xml")
+    assert [str(one.message).endswith("'bus' floats by itself") for one in told] == [True]
     same(arm, floating(tmp_path))
+
+
+def composite(*parts):
+    whole = pin.JointModelComposite()
+    for part in parts:
+        whole.addJoint(part)
+    return whole
+
+
+@pytest.mark.parametrize(
+    "root",
+    [
+        pin.JointModelPlanar(),
+        composite(pin.JointModelPY(), pin.JointModelPX(), pin.JointModelRZ()),
+        composite(pin.JointModelTranslation(), pin.JointModelSpherical()),
+        composite(pin.JointModelTranslation(), pin.JointModelSphericalZYX()),
+    ],
+    ids=["planar", "slides", "ball", "angles"],
+)
+def test_the_base_of_a_model_of_pinocchio_is_the_floating_base(root, tmp_path):
+    text = (
+        urdf(()).replace('<link name="ground"/>', "").replace(bolt("to_bus", "ground", "bus"), "")
+    )
+    (path := tmp_path / "bus.urdf").write_text(text)
+    with pytest.warns(sa.ModelWarning) as told:
+        arm = sa.load(pin.buildModelFromUrdf(str(path), root))
+    assert [str(one.message).endswith("'bus' floats by itself") for one in told] == [True]
+    same(arm, floating(tmp_path))
+
+
+def test_slides_and_hinges_of_a_xacro_are_the_floating_base(tmp_path):
+    names = "".join(f'<xacro:carried by="{name}"/>' for name in PLANE)
+    macro = '<xacro:macro name="carried" params="by"><link name="beside_${by}"/></xacro:macro>'
+    joints = "".join(bolt(f"mark_{name}", "ground", f"beside_{name}") for name in PLANE)
+    space = 'name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"'
+    text = (
+        urdf(PLANE)
+        .replace('name="r"', space)
+        .replace("</robot>", f"{macro}{names}{joints}</robot>")
+    )
+    with pytest.warns(sa.ModelWarning, match="'bus' floats by itself"):
+        arm = load(tmp_path, text, ".urdf.xacro")
+    same(arm, floating(tmp_path))
+
+
+@pytest.mark.parametrize("name", ["ground", "world", "map", "odom"])
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_a_massless_root_with_a_free_joint_is_left_out(name, kind, tmp_path):
+    free = f'<joint name="v" type="{kind}"><parent link="ground"/><child link="bus"/></joint>'
+    text = urdf(()).replace(bolt("to_bus", "ground", "bus"), free).replace("ground", name)
+    zero = '<inertial><mass value="0"/><inertia ixx="0" iyy="0" izz="0"/></inertial>'
+    with pytest.warns(
+        sa.ModelWarning, match=f"and {name!r} are left out: the spacecraft 'bus' floats"
+    ):
+        same(load(tmp_path, text), floating(tmp_path))
+    massless = text.replace(f'<link name="{name}"/>', f'<link name="{name}">{zero}</link>')
+    with pytest.warns(
+        sa.ModelWarning, match=f"and {name!r} are left out: the spacecraft 'bus' floats"
+    ):
+        same(load(tmp_path, massless), floating(tmp_path))
 
 
 @pytest.mark.filterwarnings("ignore:.*links between joints without mass:spacearm.ModelWarning")
@@ -123,12 +184,9 @@ def test_a_base_that_may_be_a_rail_is_a_question_with_both_answers(base, axes, t
         sa.ModelError, match=r"may be a spacecraft that floats, or an arm on a rail"
     ):
         load(tmp_path, urdf(base, axes))
-    text = urdf(base, axes)
-    for name in base:
-        for kind in ("prismatic", "continuous"):
-            text = text.replace(f'name="{name}" type="{kind}"', f'name="{name}" type="fixed"')
-    assert load(tmp_path, text).n == 3
     (path := tmp_path / "rail.urdf").write_text(urdf(base, axes))
+    free = sa.load(path, locked=dict.fromkeys(base, 0.0))
+    same(free, floating(tmp_path, axes))
     assert sa.mount(path, sa.Bus(mass=100, size=(1, 1, 1))).n == 3 + len(base)
 
 
@@ -180,3 +238,48 @@ def test_slides_and_hinges_of_an_sdf_are_the_floating_base(tmp_path):
     with pytest.warns(sa.ModelWarning, match="floats by itself"):
         arm = load(tmp_path, text, ".sdf")
     same(arm, floating(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("parent", "child", "left_out"),
+    [("bus", "target", "target"), ("l2", "target", "target"), ("station", "bus", "station")],
+)
+def test_bodies_that_float_beside_the_robot_do_not_move_it(parent, child, left_out, tmp_path):
+    body = f'<link name="{left_out}">{inertial(500)}</link>'
+    free = f'<joint name="free" type="floating"><parent link="{parent}"/><child link="{child}"/>'
+    text = (
+        urdf(()).replace('<link name="ground"/>', "").replace(bolt("to_bus", "ground", "bus"), "")
+    )
+    with pytest.warns(sa.ModelWarning, match=f"left out, as not fixed to it: {left_out}"):
+        arm = load(tmp_path, text.replace("</robot>", f"{body}{free}</joint></robot>"))
+    same(arm, floating(tmp_path))
+    assert arm.tree.root == "bus"
+    assert arm.mass == load(tmp_path, text).mass
+
+
+def test_two_arms_that_float_apart_are_a_question(tmp_path):
+    text = (
+        urdf(()).replace('<link name="ground"/>', "").replace(bolt("to_bus", "ground", "bus"), "")
+    )
+    other = text.replace('<robot name="r">', "").replace('="', '="other_')
+    for word in ("xyz", "type", "value", "ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+        other = other.replace(f'{word}="other_', f'{word}="')
+    free = (
+        '<joint name="free" type="floating"><parent link="bus"/><child link="other_bus"/></joint>'
+    )
+    with pytest.raises(
+        sa.ModelError, match="2 robots of 3 joints each, whose roots are bus, other"
+    ):
+        load(tmp_path, text.replace("</robot>", free) + other)
+
+
+def test_a_massless_world_with_marks_is_left_out_and_one_of_two_bodies_is_not_the_robot(tmp_path):
+    free = '<joint name="{}" type="floating"><parent link="odom"/><child link="{}"/></joint>'
+    marks = '<link name="odom"/><link name="mark"/>' + bolt("to_odom", "ground", "odom")
+    marks += bolt("to_mark", "odom", "mark", "1 2 3")
+    text = urdf(()).replace(bolt("to_bus", "ground", "bus"), marks + free.format("v", "bus"))
+    with pytest.warns(sa.ModelWarning, match="'ground', 'mark', 'odom' are left out"):
+        same(load(tmp_path, text), floating(tmp_path))
+    target = f'<link name="target">{inertial(500)}</link>' + free.format("w", "target")
+    with pytest.warns(sa.ModelWarning, match="left out, as not fixed to it: ground, target"):
+        same(load(tmp_path, text.replace("</robot>", f"{target}</robot>")), floating(tmp_path))

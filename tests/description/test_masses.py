@@ -128,11 +128,17 @@ def test_an_arm_alone_is_told_to_be_mounted(tmp_path):
     assert sa.mount(path, sa.Bus(mass=9, size=(1, 1, 1))).mass == 12.0
 
 
+def test_a_frame_that_carries_nothing_is_no_arm_to_be_mounted():
+    text = robot(frame("base"), frame("arm"), joint("weld", "base", "arm", "fixed"))
+    with pytest.raises(sa.ModelError, match="'base' has no mass, and no joint can move; describe"):
+        load_text(text)
+
+
 def test_a_world_that_the_spacecraft_floats_in_is_left_out():
     plain = load_text(robot(BUS, ARM, ELBOW))
     for kind in ("floating", "planar"):
         world = robot(frame("world"), BUS, ARM, ELBOW, joint("free", "world", "bus", kind))
-        with pytest.warns(sa.ModelWarning, match=f"'free' of type '{kind}' and the link 'world'"):
+        with pytest.warns(sa.ModelWarning, match=f"'free' of type '{kind}' and 'world'"):
             arm = load_text(world)
         assert arm.tree.root == "bus"
         assert np.array_equal(jacobian(arm, [0.4]), jacobian(plain, [0.4]))
@@ -310,5 +316,5 @@ def test_a_massless_link_changes_nothing_but_its_own_mass(seed):
     h = 1e-6
     ahead, behind = (arm.at(q + s * h * dq) for s in (1, -1))
     rate = (ahead.com - behind.com) / (2 * h)
-    A_q = sa.momentum_matrix(arm.at(q))[1]
+    A_q = sa.momentum_matrix(arm.at(q)).A_q
     assert np.allclose(A_q[:3] @ dq, arm.mass * rate, atol=1e-7)

@@ -10,7 +10,7 @@ import trimesh
 from helpers.arms import joint, link, robot
 
 import spacearm as sa
-from spacearm.description.shapes import read_mesh
+from spacearm.description.shapes import mesh_bounds, read_mesh
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)  # of meshcat's server
@@ -78,3 +78,48 @@ def test_meshes_in_millimetres_are_implausible(tmp_path):
     assert "the robot is 1 m long" in told[0]
     right = arm_of(tmp_path, '<mesh filename="box.stl" scale="0.001 0.001 0.001"/>')
     assert not [note for note in right.notes if "as if" in note]
+
+
+def drawn_by(tmp_path, tag, geometry, at="0 0 0"):
+    """Load an arm of one link of 2 kg with a shape for drawings or collisions only."""
+    shape = f'<{tag}><origin xyz="{at}"/><geometry>{geometry}</geometry></{tag}>'
+    path = tmp_path / "robot.urdf"
+    path.write_text(robot(BUS, link("arm", 2.0, inside=shape), joint("elbow", "bus", "arm")))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sa.ModelWarning)
+        return [note for note in sa.load(path).notes if "as if in millimetres" in note]
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".obj", ".STL", ".ascii.stl"])
+@pytest.mark.parametrize("tag", ["visual", "collision"])
+def test_shapes_in_millimetres_are_implausible_too(suffix, tag, tmp_path):
+    mesh = trimesh.creation.box(EDGES * 1000.0)
+    kind = "stl_ascii" if "ascii" in suffix else suffix[1:].lower()
+    mesh.export(tmp_path / f"box{suffix}", file_type=kind)
+    told = drawn_by(tmp_path, tag, f'<mesh filename="box{suffix}"/>')
+    assert len(told) == 1
+    reach = np.linalg.norm(EDGES) * 500.0
+    assert f"shapes of 'arm' reach {reach:.4g} m from the frame" in told[0]
+    scaled = f'<mesh filename="box{suffix}" scale="0.001 0.001 0.001"/>'
+    assert drawn_by(tmp_path, tag, scaled) == []
+
+
+def test_primitives_in_millimetres_are_implausible_and_wide_panels_are_not(tmp_path):
+    assert drawn_by(tmp_path, "visual", '<box size="300 200 100"/>')
+    assert drawn_by(tmp_path, "collision", '<cylinder radius="0.1" length="0.2"/>', "400 0 0")
+    assert not drawn_by(tmp_path, "visual", '<box size="30 2 0.02"/>')
+
+
+def test_bounds_are_those_of_the_mesh_and_follow_the_file(tmp_path):
+    rng = np.random.default_rng(0)
+    for kind, file_type in ((".stl", "stl"), (".obj", "obj"), (".stl", "stl_ascii")):
+        for factor in (1.0, 3.0):
+            path = tmp_path / f"cloud{kind}"
+            trimesh.convex.convex_hull(factor * rng.normal(size=(40, 3))).export(path, file_type)
+            points = np.asarray(read_mesh(path).vertices)
+            np.testing.assert_allclose(
+                mesh_bounds(path), [points.min(axis=0), points.max(axis=0)], atol=1e-7
+            )
+    (tmp_path / "broken.stl").write_bytes(b"solid broken\\nvertex one two three")
+    assert mesh_bounds(tmp_path / "broken.stl") is None
+    assert mesh_bounds(tmp_path / "nowhere.obj") is None

@@ -148,8 +148,11 @@ def test_the_robot_among_several_bodies_is_the_one_with_joints(tmp_path):
         arm = load(mjcf(world), tmp_path)
     assert (arm.n, arm.mass) == (1, 51.0)
     twice = free(link("a")) + free(link("b"), "bus2")
-    with pytest.raises(sa.ModelError, match=r"2 robots of 1 joints each.*bus, bus2; keep one"):
+    with pytest.raises(sa.ModelError, match=r"2 robots of 1 joints each.*bus, bus2; name"):
         load(mjcf(twice), tmp_path)
+    for tip, bus, other in (("a", "bus", "bus2"), ("b", "bus2", "bus")):
+        with pytest.warns(sa.ModelWarning, match=f"{bus} is taken as the root.*left out.*{other}"):
+            assert load(mjcf(twice), tmp_path, tip=tip).tree.root == bus
 
 
 def test_an_arm_without_a_free_joint(tmp_path):
@@ -195,8 +198,11 @@ def test_names_are_made_where_there_are_none(tmp_path):
 
 def test_included_files_are_found_beside_the_file(tmp_path):
     (tmp_path / "parts").mkdir()
-    (tmp_path / "parts" / "arm.xml").write_text(f"<mujoco>{link('a')}</mujoco>")
-    assert load(mjcf(free('<include file="parts/arm.xml"/>')), tmp_path).joint_names == ("a",)
+    for name in ("arm.xml", "robot.xml"):  # the one has the name of the file itself
+        (tmp_path / "parts" / name).write_text(f"<mujoco>{link('a')}</mujoco>")
+        assert load(mjcf(free(f'<include file="parts/{name}"/>')), tmp_path).joint_names == ("a",)
+    with pytest.raises(sa.ModelError, match=r"by MuJoCo .*already included"):
+        load(mjcf('<include file="robot.xml"/>'), tmp_path)
     with pytest.raises(
         sa.ModelError, match="has no body; if it is a part of an MJCF load the file"
     ):
@@ -329,7 +335,6 @@ MANY = {
         mjcf(free('<flexcomp name="f" type="grid" count="1000 1000 1000"/>' + link("a"))),
         "asks for more than 100,000 elements",
     ),
-    "itself": (mjcf('<include file="robot.xml"/>'), "is made of more than 200 files"),
     "models of itself": (
         mjcf(free(link("a")), '<asset><model name="m" file="robot.xml"/></asset>'),
         "is made of more than 200 files",

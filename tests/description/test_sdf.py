@@ -120,6 +120,10 @@ def test_a_world_is_unwrapped(tmp_path):
     two = model(BUS, ARM, ELBOW, name="other")
     with pytest.raises(sa.ModelError, match=r"2 robots of 1 joints each.*robot::bus, other::bus"):
         load(sdf(f"<world name='w'>{robot}{two}</world>"), tmp_path)
+    for tip in ("other::arm", "arm"):
+        with pytest.warns(sa.ModelWarning, match="is taken as the root of the robot; left out"):
+            arm = load(sdf(f"<world name='w'>{robot}{two}</world>"), tmp_path, tip=tip)
+        assert arm.name == ("other" if "::" in tip else "robot")
 
 
 def test_nested_models_are_parts(tmp_path):
@@ -327,6 +331,10 @@ BAD = {
     "a joint named as a link": (
         sdf(model(BUS, ARM, joint("arm", "bus", "arm"))),
         "two frames, links, joints or models are named 'arm'",
+    ),
+    "two models of a name": (
+        sdf(f"<world name='w'>{model(BUS)}{model(BUS)}</world>"),
+        "two frames, links, joints or models are named '[a-z]+' .lines",
     ),
     "a mimic of nothing": (
         sdf(model(BUS, ARM, ELBOW.replace("</axis>", "<mimic joint='no'/></axis>"))),

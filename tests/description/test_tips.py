@@ -115,6 +115,13 @@ def test_twins_on_two_arms_are_a_question_of_two():
         found(BUS, *arm_of(3, "left"), *arm_of(3, "right"), *left, *right)
 
 
+def test_fingers_that_are_fixed_are_no_tip():
+    thumb = [*fixed("palm_thumb_1", "l_4"), *fixed("palm_thumb_2", "palm_thumb_1")]
+    assert found(*ARM, *thumb, *fixed("palm_finger", "l_4")).tip == "l_4"
+    base = fixed("mitt", "l_4")
+    assert found(*ARM, *base, *fixed("finger_a", "mitt"), *fixed("finger_b", "mitt")).tip == "mitt"
+
+
 def test_what_an_arm_carries_is_no_tip():
     satellite = [*fixed("satellite", "l_4", 500.0), *fixed("wing", "satellite", 20.0)]
     assert found(*ARM, *satellite).tip == "satellite"
@@ -219,6 +226,41 @@ GRIPPERS = {
         *finger("thumb", "l_4", "revolute", axis=(0, 1, 0)),
         *finger("other", "l_4", "prismatic", slide(0, 0.05)),
     ],
+    "two with limits that say nothing": [
+        *finger("a", "l_4", inside=slide(-3, 3), axis=(0, 1, 0)),
+        *finger("b", "l_4", inside=slide(-3, 3), axis=(0, -1, 0)),
+    ],
+    "one slides and one turns": [
+        *finger("a", "l_4", inside=slide(0, 0.04), axis=(0, 1, 0)),
+        *finger("b", "l_4", "revolute", axis=(0, -1, 0)),
+    ],
+    "a thumb of two joints and fingers of three": [
+        part
+        for name in ("p", "q", "r")
+        for part in (
+            *finger(name, "l_4", "revolute", xyz=(0.02, 0, 0), axis=(0, 1, 0)),
+            *finger(f"{name}_2", name, "revolute", xyz=(0.02, 0, 0), axis=(0, 1, 0)),
+            *(finger(f"{name}_3", f"{name}_2", xyz=(0.02, 0, 0)) if name != "p" else ()),
+        )
+    ],
+    "two of two joints, as heavy as the arm": [
+        part
+        for name, y in (("a", 0.1), ("b", -0.1))
+        for part in (
+            link(name, 3.0, (0.05, 0, 0), 1e-2 * np.eye(3)),
+            joint(f"drive_{name}", "l_4", name, xyz=(0.1, y, 0)),
+            link(f"{name}_2", 0.5, (0.05, 0, 0), 1e-3 * np.eye(3)),
+            joint(f"drive_{name}_2", name, f"{name}_2", xyz=(0.1, 0, 0)),
+        )
+    ],
+    "fingertips that are named so": [
+        part
+        for name in "ab"
+        for part in (
+            *finger(name, "l_4", "revolute"),
+            *fixed(f"{name}_tip", name, xyz=(0.02, 0, 0)),
+        )
+    ],
     "one jaw by its name": finger("moving_jaw", "l_4", "revolute", slide(-0.2, 2), axis=(0, 1, 0)),
     "one jaw by its joint": [
         link("part", 0.05, (0.03, 0.01, 0), 1e-5 * np.eye(3)),
@@ -241,6 +283,66 @@ def test_fingers_are_held_and_never_the_tip(gripper):
     assert (tool.tip, tool.held) == ("pinch_link", arm.held)
     free = arm.replace(joints="all")
     assert (free.n, dict(free.held), free.tip) == (4 + len(arm.held), {}, "l_4")
+
+
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_held_fingers_are_noted_and_may_be_chosen(gripper):
+    arm = found(*ARM, *GRIPPERS[gripper])
+    (note,) = arm.notes
+    assert note.startswith("the fingers on 'l_4' are held (")
+    assert all(name in note for name in arm.held)
+    assert arm.replace(joints="all").notes == ()
+    inside = arm.whole.joints[next(iter(arm.held))].child
+    one = arm.replace(tip=inside)
+    assert (one.tips, one.n) == ((inside,), 5)
+
+
+MJCF_BODY = '<body name="{}" pos=".4 0 0">{}<inertial pos=".1 0 0" mass="{}" diaginertia="1 1 1"/>'
+SDF_LINK = """<link name="{0}"><pose>{1} 0 0 0 0 0</pose>
+<inertial><mass>{2}</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial></link>
+<joint name="j_{0}" type="{3}"><parent>{4}</parent><child>{0}</child>
+<axis><xyz>{5}</xyz></axis></joint>"""
+CARRIED = (
+    ("a", 2, "revolute", "0 1 0", "bus"),
+    ("b", 2, "revolute", "1 0 0", "a"),
+    ("c", 2, "revolute", "0 0 1", "b"),
+    ("hand", 1, "fixed", "0 0 1", "c"),
+    ("fa", 0.1, "prismatic", "0 1 0", "hand"),
+    ("fb", 0.1, "prismatic", "0 -1 0", "hand"),
+)
+"""An arm whose palm carries two sliding fingers: name, mass, joint, axis, what carries it."""
+
+
+def as_mjcf(name: str = "bus", mass: float = 80, kind: str = "free", axis: str = "0 0 1") -> str:
+    """The body with what it carries, nested."""
+    kinds = {"revolute": "hinge", "prismatic": "slide", "free": "free"}
+    moves = f'<joint type="{kinds[kind]}" axis="{axis}"/>' if kind in kinds else ""
+    inside = "".join(as_mjcf(*one) for *one, carrier in CARRIED if carrier == name)
+    return f"{MJCF_BODY.format(name, moves, mass)}{inside}</body>"
+
+
+def as_sdf() -> str:
+    """The same, in a row."""
+    ends = {"bus": 0.0}
+    for name, _, _, _, carrier in CARRIED:
+        ends[name] = ends[carrier] + (0.04 if name in ("fa", "fb") else 0.4)
+    rows = (SDF_LINK.format(n, ends[n], m, k, c, axis) for n, m, k, axis, c in CARRIED)
+    bus = SDF_LINK.partition("<joint")[0].format("bus", 0, 80)
+    return f'<sdf version="1.9"><model name="m">{bus}{"".join(rows)}</model></sdf>'
+
+
+@pytest.mark.parametrize("suffix", ["xml", "sdf"])
+def test_fingers_are_held_in_every_format(suffix, tmp_path):
+    mjcf = f"<mujoco><worldbody>{as_mjcf()}</worldbody></mujoco>"
+    (tmp_path / f"arm.{suffix}").write_text(mjcf if suffix == "xml" else as_sdf())
+    arm = sa.load(tmp_path / f"arm.{suffix}")
+    assert (arm.n, arm.tip, len(arm.held)) == (3, "hand", 2)
+
+
+def test_fingers_of_a_pinocchio_model_are_held():
+    urdf = robot(*ARM, *GRIPPERS["two that slide apart"])
+    arm = sa.load(pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer()))
+    assert (arm.n, arm.tip, len(arm.held)) == (4, "l_4", 2)
 
 
 def test_a_jaw_beside_a_frame_for_a_tool():
@@ -267,6 +369,16 @@ WRISTS = {
         link("last", 0.1, (0.02, 0.01, 0), 1e-4 * np.eye(3)),
         joint("j_5", "l_4", "last", inside=slide(-1, 1, '<mimic joint="j_l_3"/>')),
     ),
+    "a boom that slides out beside a frame": (
+        *fixed("tool0", "l_4"),
+        link("last", 0.1, (0.02, 0.01, 0), 1e-4 * np.eye(3)),
+        joint("j_5", "l_4", "last", "prismatic", (0.05, 0, 0), inside=slide(0, 2)),
+    ),
+    "a wrist of two joints beside a camera": (
+        *finger("camera", "l_4", "revolute"),
+        *finger("pitch", "l_4", "revolute"),
+        *finger("last", "pitch", "revolute", xyz=(0.1, 0, 0), axis=(1, 0, 0)),
+    ),
     "a wrist beside a small antenna": (
         *finger("antenna", "l_4", "revolute"),
         *finger("last", "l_4", "revolute"),
@@ -285,6 +397,13 @@ def test_two_small_arms_on_a_boom_are_no_fingers():
     boom = [link("boom", 300.0, (8, 0, 0)), joint("root", "bus", "boom")]
     arms = [*arm_of(7, "left", "boom"), *arm_of(7, "right", "boom")]
     with pytest.raises(sa.ModelError, match="2 links could be the tip: left_7, right_7"):
+        found(BUS, *boom, *arms)
+
+
+def test_two_arms_of_four_joints_on_a_boom_are_no_fingers():
+    boom = [link("boom", 300.0, (8, 0, 0)), joint("root", "bus", "boom")]
+    arms = [*arm_of(4, "left", "boom"), *arm_of(4, "right", "boom")]
+    with pytest.raises(sa.ModelError, match="2 links could be the tip: left_4, right_4"):
         found(BUS, *boom, *arms)
 
 

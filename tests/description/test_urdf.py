@@ -44,7 +44,7 @@ BAD = {
         robot(*two_links(kind="hinge")),
         "joint 'elbow' has type 'hinge'; use one of revolute",
     ),
-    "a floating joint": (robot(*two_links(kind="floating")), "'elbow' is of type 'floating'"),
+    "a floating joint": (robot(*two_links(kind="floating")), "has no joint that can move"),
     "a planar joint": (robot(*two_links(kind="planar")), "'elbow' is of type 'planar'"),
     "a zero axis": (robot(*two_links(axis=(0, 0, 0))), "joint 'elbow' has a zero axis"),
     "reversed limits": (
@@ -81,7 +81,7 @@ BAD = {
     ),
     "a spacecraft without inertial": (
         robot(frame("bus"), ARM, ELBOW),
-        r"spacecraft 'bus', the root link, has no mass.*sa\.mount\(.*--bus-mass KG.*spacearm mount",
+        r"spacecraft 'bus', the root link, has no mass.*sa\.mount\(.*--bus KG.*spacearm mount",
     ),
     "mass without inertia": (
         robot(BUS, '<link name="arm"><inertial><mass value="1"/></inertial></link>', ELBOW),
@@ -148,7 +148,6 @@ BAD = {
         robot(BUS, ARM, joint("elbow", "bus", "arm", inside='<mimic joint="elbow"/>')),
         "joint 'elbow' mimics itself",
     ),
-    "the root joint's name": (robot(BUS, ARM, joint("root_joint", "bus", "arm")), "rename it"),
     "nothing that moves": (
         robot(BUS, frame("arm"), joint("j", "bus", "arm", "fixed")),
         "tip|no joint",

@@ -215,7 +215,11 @@ FAULTS = {
     "an unknown macro": ("<xacro:limb/>", "unknown macro name: xacro:limb"),
     "an unknown name": (
         '<link name="${x}"/>',
-        r"name 'x' is not defined.*evaluating expression 'x'",
+        r"name 'x' is not defined.*evaluating expression 'x'.*load the file that includes this",
+    ),
+    "a link of another file": (
+        '<joint name="j" type="fixed"><parent link="no"/><child link="bus"/></joint>',
+        "unknown link 'no'.*name one, or load the file that includes this one",
     ),
     "no such file": ('<xacro:include filename="a.xacro"/>', r"a\.xacro: no such file"),
     "no XML": ('<xacro:include filename="broken.xacro"/>', "broken.xacro is not XML .*line 1"),

@@ -287,8 +287,10 @@ def test_a_path_that_ends_singular_has_no_bound_on_its_loads():
     start = arm.at([0.3, 1.2])
     way = sa.follow(start, [(6.0, 1.0)], limits=False)
     assert way.ended == "singularity"
-    said = sa.reaction(way).describe()
+    found = sa.reaction(way)
+    said = found.describe()
     assert "no bound" in said.verdict
+    assert found.to_dict()["largest_wheels"] is None
     assert "N m s and" not in said.verdict
     held = sa.follow(start, [(6.0, 1.0)], limits=False, mode="attitude-controlled")
     assert any("no bound" in note for note in held.describe().notes)

@@ -72,10 +72,11 @@ def test_unknown_names_list_the_valid_ones_nearest_first():
     ],
 )
 def test_planar_arms_get_the_rows_of_their_plane(n, axis, task):
-    elements = [BUS]
+    elements, along = [BUS], np.roll(axis, 1)
     for i in range(n):
         parent = f"l{i - 1}" if i else "bus"
-        elements += [link(f"l{i}"), joint(f"j{i}", parent, f"l{i}", axis=axis)]
+        elements += [link(f"l{i}", com=0.2 * along)]
+        elements += [joint(f"j{i}", parent, f"l{i}", axis=axis, xyz=0.5 * along)]
     assert load_text(robot(*elements)).task.names == task
 
 

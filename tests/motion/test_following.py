@@ -5,10 +5,12 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
+from helpers.arms import chosen, load_text, random_chain
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
 import spacearm as sa
+from spacearm.mechanics.jacobian import generalized_jacobian_rate
 
 E, A, B, C = (2.0, 0.0), np.radians([-57.936, 60.337]), (1.5, 1.5), np.array([1.0, 0.0])
 
@@ -298,3 +300,60 @@ def test_a_path_in_time_is_stopped_by_the_singularity_that_stops_the_line(arm):
     assert run.ended == "singularity"
     assert run.s[-1] == pytest.approx(line.s[-1], abs=1e-5)
     np.testing.assert_allclose(run.q[-1], line.q[-1], atol=1e-5)
+
+
+# --- rates ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [2, 6, 7])
+def test_rates_and_accelerations_are_those_of_the_line(n):
+    """Along a straight line at a constant speed J* dq is constant: J* ddq + dJ*/dt dq = 0."""
+    kinds = ("revolute", "prismatic")
+    arm = sa.load("planar2") if n == 2 else load_text(random_chain(chosen(n), n, kinds))
+    start = arm.at(np.linspace(0.3, 1.2, n))
+    run = sa.follow(start, [arm.at(start.q + 0.05).tip], speed=0.2, limits=False)
+    for cfg, dq, ddq in zip(run, run.dq, run.ddq, strict=True):
+        bend = sa.generalized_jacobian(cfg) @ ddq + generalized_jacobian_rate(cfg, dq) @ dq
+        np.testing.assert_allclose(bend[arm.task.indices], 0.0, atol=1e-7)
+    q = make_interp_spline(run.t, run.q, k=5)
+    middle = slice(len(run) // 4, -len(run) // 4)
+    for order, values in ((1, run.dq), (2, run.ddq)):
+        size = np.abs(values).max()
+        np.testing.assert_allclose(q(run.t, order)[middle], values[middle], atol=1e-4 * size)
+
+
+def test_rates_jump_at_corners_and_ends_by_what_turns_the_tip(arm, tmp_path):
+    start, speed = arm.at([0.3, 1.2]), 0.2
+    corners = np.array([start.tip.translation[:2], (1.5, 1.2), (1.5, 1.1)])
+    run = sa.follow(start, corners[1:], speed=speed, mode="attitude-controlled")
+    legs = np.diff(corners, axis=0)
+    v = speed * legs / np.linalg.norm(legs, axis=1)[:, None]
+    changes = v[0], v[1] - v[0], -v[1]
+    assert [jump.t for jump in run.jumps] == pytest.approx(
+        [0.0, np.linalg.norm(legs[0]) / speed, run.t[-1]]
+    )
+    sizes = []
+    for jump, change in zip(run.jumps, changes, strict=True):
+        cfg = arm.at(jump.q)
+        J = sa.generalized_jacobian(cfg, mode=run.mode)[:2]
+        np.testing.assert_allclose(J @ jump.change, change, atol=1e-8)
+        sizes.append(np.linalg.norm(cfg.A[3:, 6:] @ jump.change))
+    found = sa.reaction(run)
+    assert found.jump == pytest.approx(max(sizes))
+    assert f"{max(sizes):.4g} N m s at once" in " ".join(found.describe().notes)
+    run.save(tmp_path / "run.npz")
+    again = sa.Motion.load(tmp_path / "run.npz", arm)
+    np.testing.assert_array_equal(again.jumps[1].change, run.jumps[1].change)
+    np.testing.assert_array_equal(again.ddq, run.ddq)
+
+
+def test_a_path_with_times_starts_from_rest_without_a_jump(arm):
+    run = sa.follow(arm.at([0.3, 1.2]), [(1.3, 1.25), (1.2, 1.1)], times=[4.0, 6.0])
+    assert not run.jumps
+    np.testing.assert_allclose(run.dq[[0, -1]], 0.0, atol=1e-9)
+    momentum, torque = sa.reaction(run).momentum[:, 2], sa.reaction(run).torque[:, 2]
+    corner = np.searchsorted(run.t, 4.0)
+    for part in (slice(0, corner), slice(corner, None)):
+        rate = make_interp_spline(run.t[part], momentum[part], k=5).derivative()
+        size = np.abs(torque).max()
+        np.testing.assert_allclose(rate(run.t[part]), torque[part], atol=1e-3 * size)

@@ -330,12 +330,29 @@ def test_a_controller_of_fixed_rate_holds_its_torques():
     errors = []
     for period in (0.1, 0.05):
         run = sa.simulate(
-            arm.at([0.1, 0.2]), law, 10.0, period=period, integration=sa.Integration(dt=0.01)
+            arm.at([0.1, 0.2]),
+            law,
+            10.0,
+            sampling=sa.Sampling(period=period),
+            integration=sa.Integration(dt=0.01),
         )
         errors.append(np.abs(run.q[200] - always.q[200]).max())
         assert len(np.unique(run.torque[:, 0])) <= 10.0 / period + 2
         assert run.imbalance < 1e-7
     assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.2)  # a hold is a delay of half of it
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"period": 0.1, "delay": -0.2}, "delay is -0.2"),
+        ({"period": -1.0}, "period"),
+        ({"period": 0.1, "seed": -1}, "seed"),
+    ],
+)
+def test_sampling_that_makes_no_sense_is_refused(given, message):
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.Sampling(**given)
 
 
 def test_a_delay_is_waited_for():
@@ -344,8 +361,7 @@ def test_a_delay_is_waited_for():
         arm.at([0.1, 0.2]),
         sa.JointPD(target=[0.5, -0.3], kp=4.0, kd=6.0),
         1.0,
-        period=0.1,
-        delay=0.04,
+        sampling=sa.Sampling(period=0.1, delay=0.04),
         integration=sa.Integration(dt=0.02),
     )
     assert not run.torque[run.t < 0.039].any()
@@ -359,7 +375,13 @@ def test_a_delay_may_be_longer_than_the_period(delay):
     arm, period = sa.load("planar2"), 0.1
     law = sa.JointPD(target=[0.5, -0.3], kp=0.5, kd=1.0)
     how = sa.Integration(dt=0.025, rtol=1e-10)
-    run = sa.simulate(arm.at([0.1, 0.2]), law, 1.0, period=period, delay=delay, integration=how)
+    run = sa.simulate(
+        arm.at([0.1, 0.2]),
+        law,
+        1.0,
+        sampling=sa.Sampling(period=period, delay=delay),
+        integration=how,
+    )
     for k in range(len(run.t) - 1):
         acts = np.floor((run.t[k] + 0.0125 - delay) / period)  # looked at between two rows
         if acts < 0 or abs((run.t[k] - delay) / period - round((run.t[k] - delay) / period)) < 1e-6:
@@ -421,8 +443,6 @@ def test_two_tips_have_a_law_each():
             "damping from 0 on",
         ),
         ({"plant": lambda _: sa.Plant(limits=["effort"])}, "give True or False"),
-        ({"period": 0.1, "delay": -0.2}, "delay is -0.2"),
-        ({"period": -1.0}, "period"),
     ],
 )
 def test_bad_input(options, message):
@@ -545,7 +565,7 @@ def test_wheels_that_are_asked_for_more_than_they_can_are_named():
 def test_sampled_torques_are_reported_as_they_act_and_their_accelerations_too():
     arm = sa.load("planar2")
     law = sa.JointPD(target=[0.9, 1.4], kp=5.0, kd=9.0)
-    run = sa.simulate(arm.at([0.3, 1.2]), law, 1.0, period=0.2, delay=0.05)
+    run = sa.simulate(arm.at([0.3, 1.2]), law, 1.0, sampling=sa.Sampling(period=0.2, delay=0.05))
     for i in (100, 333, 777):
         ddq = sa.forward_dynamics(run[i], run.dq[i], run.torque[i]).ddq
         np.testing.assert_allclose(run.ddq[i], ddq, atol=1e-8 * np.abs(ddq).max())

@@ -163,6 +163,17 @@ def test_the_energy_balance_does_not_hang_on_the_output():
         )
 
 
+@pytest.mark.parametrize(
+    "duration", [15.737135444204768, 3.9631824805267923, 1.9675185533227941, 0.7]
+)
+def test_no_two_rows_are_a_rounding_apart(duration):
+    """A thousand intervals of the duration may add up to a little less than it."""
+    start = sa.load("planar2").at([0.3, 1.2])
+    run = sa.simulate(start, sa.JointPD([0.4, 1.0], kp=5.0, kd=9.0), duration)
+    assert run.t[-1] == duration
+    assert np.diff(run.t).min() > 0.5 * duration / 1000
+
+
 def test_at_rest_without_torques_nothing_moves():
     arm = sa.load("ets7")
     run = sa.simulate(arm.at(np.full(6, 0.4)), nothing, 50.0)

@@ -3,12 +3,15 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 import spacearm as sa
 from spacearm.description.bus import solid_box
-from spacearm.description.shapes import Box, Cylinder, Shape, Sphere
+from spacearm.description.shapes import Box, Shape
 from spacearm.plots.configurations import SECONDS, draw_posture, draw_velocities
+from spacearm.plots.hulls import tinted
+from spacearm.plots.style import GREEN
 
 TURNED = pin.SE3(pin.utils.rotate("z", 0.7), np.array([1.0, -2.0, 0.0]))
 
@@ -29,47 +32,114 @@ def test_the_arm_is_drawn_where_it_is(axes, name):
     assert len(arm) == cfg.arm.n + 1
 
 
+def placed_visuals(cfg):
+    """Return the points of all visuals of a configuration, each shape's in inertial axes [m]."""
+    model, data = cfg.arm.model, pin.Data(cfg.arm.model)
+    pin.framesForwardKinematics(model, data, cfg.full)
+    return [
+        np.array([data.oMf[model.getFrameId(link)].act(x) for x in shape.points()])
+        for link, drawn in cfg.arm.tree.visuals.items()
+        for shape in drawn.visual
+    ]
+
+
+def extents(points):
+    return np.ravel((points.min(axis=0), points.max(axis=0))).round(6).tolist()
+
+
+def data_extents(axes):
+    spans = (axes.xy_dataLim.intervalx, axes.xy_dataLim.intervaly, axes.zz_dataLim.intervalx)
+    return np.transpose(spans).ravel()
+
+
+def described(folder, visual):
+    """Write an arm whose links have one visual each, none if empty, and load it."""
+    inertia = '<inertia ixx="{0}" iyy="{0}" izz="{0}" ixy="0" ixz="0" iyz="0"/>'
+    links = "".join(
+        f'<link name="{name}"><inertial><mass value="{m}"/>{inertia.format(m)}</inertial>'
+        f"{visual}</link>"
+        for name, m in (("hull", 30.0), ("boom", 3.0), ("hand", 2.0))
+    )
+    joints = "".join(
+        f'<joint name="{child}_joint" type="revolute"><parent link="{parent}"/>'
+        f'<child link="{child}"/><origin xyz="0.7 0 0.2"/><axis xyz="{axis}"/>'
+        '<limit lower="-2" upper="2" velocity="1" effort="1"/></joint>'
+        for parent, child, axis in (("hull", "boom", "0 0 1"), ("boom", "hand", "0 1 0"))
+    )
+    path = folder / "drawn.urdf"
+    path.write_text(f'<robot name="drawn">{links}{joints}</robot>')
+    return sa.load(path, tip="hand", task="x y")
+
+
 @pytest.mark.parametrize("name", ["planar2", "planar3"])
-def test_a_planar_spacecraft_is_drawn_as_its_visuals_at_their_size(axes, name):
+def test_all_bodies_of_a_planar_arm_are_drawn_as_their_visuals_at_their_size(axes, name):
     arm = sa.load(name)
-    draw_posture(axes, arm.at(np.full(arm.n, 0.4), base=TURNED))
-    visuals = arm.tree.visuals[arm.tree.root].visual
-    for patch, shape in zip(axes.patches, visuals, strict=True):
-        corners = (shape.points() - shape.pose.translation) @ shape.pose.rotation
-        np.testing.assert_allclose(
-            np.ptp(corners, axis=0), sizes(shape.geometry), rtol=1e-9, atol=1e-9
-        )
-        flat = TURNED.rotation.T @ np.c_[patch.get_xy(), np.zeros(len(patch.get_xy()))].T
-        drawn = flat[:2].T - (TURNED.rotation.T @ TURNED.translation)[:2]
-        np.testing.assert_allclose(drawn.max(axis=0), shape.points().max(axis=0)[:2], atol=1e-9)
-        np.testing.assert_allclose(drawn.min(axis=0), shape.points().min(axis=0)[:2], atol=1e-9)
+    cfg = arm.at(np.full(arm.n, 0.4), base=TURNED)
+    draw_posture(axes, cfg)
+    drawn = sorted(extents(patch.get_xy()) for patch in axes.patches)
+    wanted = sorted(extents(points[:, :2]) for points in placed_visuals(cfg))
+    np.testing.assert_allclose(drawn, wanted, atol=1e-6)
 
 
-def sizes(geometry):
-    """Return the edges of the box around a primitive [m]."""
-    match geometry:
-        case Box(size):
-            return size
-        case Sphere(radius):
-            return (2.0 * radius,) * 3
-        case Cylinder(radius, length):
-            return (2.0 * radius, 2.0 * radius, length)
+BOX = '<visual><origin xyz="0.3 0 0"/><geometry><box size="0.6 0.2 0.1"/></geometry></visual>'
+ROUND = '<visual><geometry><cylinder radius="0.1" length="0.9"/></geometry></visual>'
 
 
-@pytest.mark.parametrize("name", ["servicer_ur5", "ssrms", "ets7"])
-def test_the_axes_hold_the_whole_of_a_spatial_spacecraft(name):
-    arm = sa.load(name)
-    axes = sa.plot(arm.at(np.clip(np.full(arm.n, 0.4), arm.lower, arm.upper))).axes[0]
-    visuals = arm.tree.visuals.get(arm.tree.root)
-    if visuals and visuals.visual:
-        wanted = np.vstack([shape.points() for shape in visuals.visual])
-    else:
-        body = arm.model.inertias[1]
-        rotation, edges = solid_box(body.mass, body.inertia)
-        wanted = Shape(pin.SE3(rotation, body.lever), Box(tuple(edges))).points()
+@pytest.mark.parametrize("source", ["servicer_ur5", "ssrms", "ets7", BOX, ROUND])
+def test_all_bodies_of_a_spatial_arm_are_drawn_as_their_visuals_at_their_size(source, tmp_path):
+    arm = described(tmp_path, source) if source.startswith("<") else sa.load(source)
+    cfg = arm.at(np.clip(np.full(arm.n, 0.4), arm.lower, arm.upper), base=TURNED)
+    axes = sa.plot(cfg).axes[0]
+    wanted = np.vstack(placed_visuals(cfg))
+    assert len(axes.collections) == 1
+    lines = np.hstack([line.get_data_3d() for line in axes.lines]).T
+    size = np.ptp(wanted, axis=0).max()
+    shown = extents(np.vstack((wanted, lines)))
+    np.testing.assert_allclose(data_extents(axes), shown, atol=0.01 * size)
     lower, upper = np.array([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()]).T
     assert (lower <= wanted.min(axis=0)).all()
     assert (upper >= wanted.max(axis=0)).all()
+    assert "without visuals" not in axes.get_title()
+
+
+def test_bodies_without_visuals_are_lines_and_the_box_of_the_inertia_and_the_title_says_so(
+    tmp_path,
+):
+    arm = described(tmp_path, "")
+    cfg = arm.at([0.3, 0.4])
+    axes = sa.plot(cfg).axes[0]
+    note = "without visuals, drawn as the box of its inertia and lines (2 of 2 links)"
+    assert note in axes.get_title().replace("\n", " ")
+    body = arm.model.inertias[1]
+    rotation, edges = solid_box(body.mass, body.inertia)
+    box = Shape(pin.SE3(rotation, body.lever), Box(tuple(edges))).points()
+    lines = np.hstack([line.get_data_3d() for line in axes.lines]).T
+    np.testing.assert_allclose(data_extents(axes), extents(np.vstack((box, lines))), atol=1e-6)
+    thick = [line for line in axes.lines if line.get_linewidth() > 4]
+    assert len(thick) == 2
+
+
+def test_meshes_of_few_or_flat_triangles_are_drawn(tmp_path):
+    corners = {"one.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"}
+    corners["flat.obj"] = corners["one.obj"] + "v 1 1 0\nf 2 3 4\n"
+    for name, text in corners.items():
+        (tmp_path / name).write_text(text)
+        arm = described(
+            tmp_path, f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+        )
+        figure = sa.plot(arm.at([0.3, 0.4]))
+        figure.canvas.draw()
+        assert len(figure.axes[0].collections[0].get_facecolor()) > 3
+
+
+def test_a_body_that_the_tip_has_grasped_is_drawn_where_it_is(axes):
+    arm = sa.load("planar2").grasp(6.0, np.eye(3), com=(1.0, 0.0, 0.0))
+    cfg = arm.at([0.3, 0.4], base=TURNED)
+    draw_posture(axes, cfg)
+    edge = np.sqrt(6.0 * 1.0 / 6.0)  # a cube of 6 kg with 1 kg m^2 about each axis
+    held = next(p for p in axes.patches if to_rgb(p.get_facecolor()) == tinted(GREEN))
+    corners = cfg.tip.rotation.T[:2, :2] @ (held.get_xy() - cfg.tip.act(np.eye(3)[0])[:2]).T
+    np.testing.assert_allclose(np.abs(corners), 0.5 * edge, atol=1e-6)
 
 
 def test_the_ellipse_has_the_singular_values_as_axes(axes):

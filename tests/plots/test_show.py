@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import xarray as xr
+from helpers.labels import touching
 from matplotlib.figure import Figure
 
 import spacearm as sa
@@ -160,12 +161,12 @@ def two_tips():
     return sa.singularity(arm.at(np.linspace(-1.0, 1.0, arm.n)))
 
 
-def test_every_result_has_a_figure(results):
+def test_every_result_has_a_figure_whose_labels_do_not_touch(results, monkeypatch):
     for what, (thing, panels) in results.items():
         drawn = plot(thing)
         assert isinstance(drawn, Figure), what
         assert len(drawn.axes) == panels, what
-        drawn.canvas.draw()
+        assert not touching(drawn, monkeypatch), what
 
 
 def test_no_kind_of_drawing_is_untested(results):

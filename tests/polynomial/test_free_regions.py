@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from spacearm.polynomial.free_regions import Roots, Tube, prove
+from spacearm.polynomial.free_regions import Roots, prove
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.polynomial.tubes import Tubes, straight
 
 MOST = 20_000
 
@@ -18,6 +19,12 @@ def sines(at):
     return [
         Jets.of(TrigPolynomial.fit(lambda Q, j=j: np.sin(Q[:, j] - at[j]), n)) for j in range(n)
     ]
+
+
+def tube(step, radius):
+    """Return the tube about the segment from zero to `step`; a ball if that is zero."""
+    rows = np.array((np.zeros(len(step)), step))
+    return Tubes.about(straight(rows), radius)
 
 
 def about(polynomials, n, low=-2.0, high=2.0, unit=1.0):
@@ -31,10 +38,10 @@ places = st.lists(st.floats(0.05, 1.0), min_size=1, max_size=3).map(np.array)
 @given(places, st.floats(0.9, 0.9999), st.sampled_from([0.5, 1.0, 3.0]))
 def test_a_ball_is_free_up_to_the_root_and_never_beyond(at, share, unit):
     roots, distance = about(sines(at), len(at), unit=unit), np.linalg.norm(at) / unit
-    inside = prove(roots, Tube(np.zeros(len(at)), share * distance), MOST)
+    inside = prove(roots, tube(np.zeros(len(at)), share * distance), MOST)
     assert inside.radius == share * distance
     assert not len(inside.open)
-    beyond = prove(roots, Tube(np.zeros(len(at)), 1.01 * distance), 2000)
+    beyond = prove(roots, tube(np.zeros(len(at)), 1.01 * distance), 2000)
     assert 0.9 * distance < beyond.radius <= distance * (1 + 1e-9)
     assert np.linalg.norm(beyond.open[0] - at / unit) < 0.2 * distance
 
@@ -48,11 +55,11 @@ def test_a_tube_is_free_up_to_the_root_nearest_to_the_segment(at, length, seed):
     distance = np.linalg.norm(at - share * step)  # others are half a turn away from it
     roots = about(sines(at), len(at), -1.2, 1.2)
     if distance < 0.02:
-        assert prove(roots, Tube(step, 0.03), 500).radius <= distance * (1 + 1e-9)
+        assert prove(roots, tube(step, 0.03), 500).radius <= distance * (1 + 1e-9)
         return
     wanted = min(0.95 * distance, 1.0)
-    assert prove(roots, Tube(step, wanted), MOST).radius == wanted
-    assert prove(roots, Tube(step, 1.05 * distance), 500).radius <= distance * (1 + 1e-9)
+    assert prove(roots, tube(step, wanted), MOST).radius == wanted
+    assert prove(roots, tube(step, 1.05 * distance), 500).radius <= distance * (1 + 1e-9)
 
 
 def test_what_a_segment_moves_and_roots_do_not_depend_on_adds_no_distance():
@@ -62,19 +69,19 @@ def test_what_a_segment_moves_and_roots_do_not_depend_on_adds_no_distance():
     ]
     roots, step = about(ours, 3), np.array([0.6, 0.0, 0.9])
     distance = np.hypot(0.2, 0.1)  # from (0.6, 0)
-    assert prove(roots, Tube(step, 0.98 * distance), MOST).radius == 0.98 * distance
-    assert prove(roots, Tube(step, 0.4), 2000).radius <= distance * (1 + 1e-9)
+    assert prove(roots, tube(step, 0.98 * distance), MOST).radius == 0.98 * distance
+    assert prove(roots, tube(step, 0.4), 2000).radius <= distance * (1 + 1e-9)
 
 
 def test_only_what_lies_within_the_limits_counts():
     roots = about(sines(np.array([0.5, 0.5])), 2, -2.0, 0.4)
-    assert prove(roots, Tube(np.zeros(2), 0.8), MOST).radius == 0.8
+    assert prove(roots, tube(np.zeros(2), 0.8), MOST).radius == 0.8
     outside = Roots(roots.polynomials, np.zeros(2), np.ones(2), np.full(2, 0.9), np.full(2, 1.0))
-    assert prove(outside, Tube(np.zeros(2), 0.8), MOST).tried == 0
+    assert prove(outside, tube(np.zeros(2), 0.8), MOST).tried == 0
 
 
 def test_a_root_in_the_middle_leaves_nothing():
-    found = prove(about(sines(np.zeros(2)), 2), Tube(np.zeros(2), 1.0), MOST)
+    found = prove(about(sines(np.zeros(2)), 2), tube(np.zeros(2), 1.0), MOST)
     assert found.radius == pytest.approx(0.0, abs=1e-6)
 
 
@@ -92,13 +99,13 @@ def test_a_box_as_such_is_free_or_holds_a_root():
 def test_rounding_counts():
     """A polynomial that is as small as its error everywhere proves nothing."""
     f = TrigPolynomial.fit(lambda Q: 2.0 + np.cos(Q[:, 0]), 1)
-    assert prove(about([Jets.of(f)], 1), Tube(np.zeros(1), 1.0), MOST).radius == 1.0
+    assert prove(about([Jets.of(f)], 1), tube(np.zeros(1), 1.0), MOST).radius == 1.0
     blurred = Jets(TrigPolynomial(f.coefficients, 3.1), Chart.turning(1))
-    assert prove(about([blurred], 1), Tube(np.zeros(1), 1.0), 100).radius == 0.0
+    assert prove(about([blurred], 1), tube(np.zeros(1), 1.0), 100).radius == 0.0
 
 
 def test_what_does_not_matter_takes_no_boxes():
     f = Jets.of(TrigPolynomial.fit(lambda Q: np.sin(Q[:, 1] - 0.5), 3))
-    proof = prove(about([f], 3), Tube(np.zeros(3), 0.499), MOST)
+    proof = prove(about([f], 3), tube(np.zeros(3), 0.499), MOST)
     assert proof.radius == 0.499
     assert proof.tried < 50

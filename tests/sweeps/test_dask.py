@@ -135,7 +135,7 @@ def test_failures_there_are_recorded(running, tmp_path):
     study = sa.Study.parse(f"arms = [{flat}]\n[shells]\n[sigma_min]\njoints.q2 = [0.5, 1.0]")
     with pytest.raises(sa.SweepError, match="1 of 2 chunks") as caught:
         sa.sweep(study, tmp_path / "s.zarr", client=client)
-    assert "singular at every configuration" in caught.value.failed["shells 0"]
+    assert "is impossible at every posture" in caught.value.failed["shells 0"]
     assert [len(s.failed) for s in status(study, tmp_path / "s.zarr")] == [1, 0]
 
 

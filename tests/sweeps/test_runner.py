@@ -266,9 +266,9 @@ def test_failed_chunks_are_recorded_and_the_rest_goes_on(tmp_path):
     assert code == 1
     assert "4 chunks, 0 kept, 3 computed, 1 failed" in out
     assert "shells 0" in err
-    assert "singular at every configuration" in " ".join(err.split())
+    assert "is impossible at every posture" in " ".join(err.split())
     (shells, risk) = status(sa.Study.parse(text), tmp_path / "s.zarr")
-    assert "singular at every configuration" in shells.failed[0]
+    assert "is impossible at every posture" in shells.failed[0]
     assert (shells.done, risk.done, risk.failed) == (1, 2, {})
     with pytest.raises(sa.SweepError, match="1 of 4 chunks") as caught:
         sa.sweep(tmp_path / "s.toml", tmp_path / "s.zarr", workers=1)

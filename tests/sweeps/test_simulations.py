@@ -92,3 +92,35 @@ def test_what_makes_no_sense_is_refused(old, new, message):
     pytest.importorskip("tomllib")
     with pytest.raises(sa.SpaceArmError, match=message):
         sa.Study.parse(STUDY.replace(old, new))
+
+
+def test_dispersed_rates_attitudes_and_noise_are_those_of_simulate_many():
+    pytest.importorskip("tomllib")
+    more = """start.rate_spread = [0.01, 0.02]
+start.attitude_spread = [0, 0, 0.1]
+sampling = {period = 0.1, delay = 0.05, position_noise = 1e-3, seed = 5}
+"""
+    study = sa.Study.parse(STUDY.replace("duration = 8.0", more + "duration = 2.0"))
+    found = study.compute(Chunk("simulation", 1))
+    arm = sa.design.vary(study.arms["planar2"], {"base_inertia": 1.0})
+    rng = np.random.default_rng((4, 0, 3))
+    Q0 = np.array([-1.011, 1.053]) + 0.02 * rng.normal(size=(2, 2))
+    rates = np.array([0.01, 0.02]) * rng.normal(size=(2, 2))
+    turns = np.array([0.0, 0.0, 0.1]) * rng.normal(size=(2, 3))
+    law = sa.TransposedJacobian(target=[1.5, 1.5], kp=5.0, kd=15.0)
+    for i in range(2):
+        R = pin.rpy.rpyToMatrix(0, 0, 0.3665) @ pin.exp3(turns[i])
+        noisy = sa.Sampling(period=0.1, delay=0.05, position_noise=1e-3, seed=5 + 3 + i)
+        run = sa.simulate(
+            arm.at(Q0[i], base=pin.SE3(R, np.zeros(3))), law, 2.0, dq=rates[i], origin="cm",
+            sampling=noisy, integration=sa.Integration(rtol=1e-6, atol=1e-8, dt=0.01),
+        )  # fmt: skip
+        turned = [np.linalg.norm(pin.log3(run[0].base.rotation.T @ c.base.rotation)) for c in run]
+        assert found["turn"][0, 0, i] == pytest.approx(max(turned), abs=1e-6)
+    for wrong in ("attitude_spread = [0, 1]", "rate_spread = -1", "rate_spread = [1, 2, 3]"):
+        name = wrong.partition(" ")[0]
+        with pytest.raises(sa.ConfigurationError, match=name):
+            sa.Study.parse(STUDY.replace("duration = 8.0", f"start.{wrong}\nduration = 2.0"))
+    noise = "sampling = {period = 0.1, rate_noise = [1, 2, 3]}\nduration = 2.0"
+    with pytest.raises(sa.ConfigurationError, match="rate_noise"):
+        sa.Study.parse(STUDY.replace("duration = 8.0", noise))

@@ -2,13 +2,15 @@
 
     python tests/tools/robots.py FOLDER ... > docs/robots.md
     python tests/tools/robots.py --installed                    # those of installed packages
+    python tests/tools/robots.py FOLDER --count FOLDER ...      # those of some folders counted only
     python tests/tools/robots.py --bus-mass 500 FOLDER          # arms alone get another bus
 
 A folder is named by the first word of a SOURCE.txt in it, as OWNER/REPOSITORY, else by its own
 name. The verdict is that of `spacearm query` at a posture three fifths of the way between the
 limits, at 0.5 where there are none. Where a message asks for more, it is given and the verdict says
 so: arms without a spacecraft are mounted on a bus, the first of several tips is chosen,
-check="warn" or density=2700 is added. Files that are parts of others are counted only.
+check="warn" or density=2700 is added. Files that are parts of others are counted only. Above stand
+the space robots among them, with the command that loads each, and what came of each folder.
 """
 
 from __future__ import annotations
@@ -19,8 +21,9 @@ import sys
 import time
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib.metadata import PackageNotFoundError, distribution
+from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,7 +33,10 @@ import spacearm as sa
 
 SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf")
 NO_ROBOTS = ("package.xml", "manifest.xml", "plugin.xml", "scene_description.xml")
+ASTROBEE = {"world": "iss", "top_aft": "perching_arm", "bot_aft": "empty", "bot_front": "empty"}
 ARGUMENTS = {
+    "Isurudb/astrobee:model.urdf.xacro": [{"prefix": "/", "ns": "honey", **ASTROBEE}],
+    "danielpmorton/pyastrobee:astrobee.xacro": [{"prefix": "/", "ns": "honey", **ASTROBEE}],
     "UniversalRobots/Universal_Robots_ROS2_Description:ur.urdf.xacro": [
         {"name": kind, "ur_type": kind} for kind in ("ur3e", "ur5e", "ur10e", "ur16e", "ur20")
     ],
@@ -41,6 +47,28 @@ ARGUMENTS = {
     ],
 }
 """Arguments of xacro sources that need some, by repository and file name."""
+SPACE = {
+    "Canadarm2 (SSRMS)": "TraceableRobotModels: SSRMS_Canadarm2/SSRMS_Canadarm2.urdf",
+    "Canadarm2, Space ROS": "simulation: models/canadarm/urdf/SSRMS_Canadarm2.urdf",
+    "Canadarm (SRMS)": "TraceableRobotModels: SRMS_Canadarm/SRMS_Canadarm.urdf",
+    "ETS-VII": "TraceableRobotModels: ETS-VII/ETSVII.urdf",
+    "ETS-VII, OnOrbitROS": "Simulation: ets_vii/urdf/ets_vii.xacro",
+    "Astrobee (NASA)": "astrobee: description/description/urdf/model.urdf.xacro",
+    "Astrobee, pyastrobee": "pyastrobee: pyastrobee/assets/urdf/astrobee/astrobee.urdf",
+    "Astrobee, planar": "adaptive-space-robotics: SPART/urdf/astrobee_planar.urdf",
+    "Cassiopeia (NTUA)": "space_robot: model/cassiopeia.urdf",
+    "servicer (NTUA)": "space_robot: model/servicer.xml",
+    "Cepheus (NTUA)": "cepheus_space_robot: model/cepheus.urdf",
+    "chaser, 263 kg": "space_manipulator: chaser_description/urdf/chaser.urdf",
+    "servicer with VISPA": "control/robot_pre.urdf",
+    "the same, two arms": "URDF_models/robot_2vispas.urdf",
+    "PULSAR": "URDF_models/pulsar_airbus_arm.urdf",
+    "SPART's example": "SPART: URDF_models/SC_3DoF.urdf",
+    "SpaceRobotEnv": "SpaceRobotEnv: SpaceRobotEnv/assets/spacerobot/spacerobot_state.xml",
+    "SpaceOctopus": "SpaceOctopus: SpaceRobotEnv/assets/spacerobot/spacerobot_fourarm.xml",
+    "Robonaut 2": "nasa-urdf-robots: r2_description/robots/r2b.urdf",
+}
+"""Robots for space, and how the names of their files end, but for arguments."""
 INSTALLED = {
     "rtb-data": "rtbdata/xacro",
     "example-robot-data": "cmeel.prefix/share/example-robot-data/robots",
@@ -48,7 +76,12 @@ INSTALLED = {
 }
 """Folders of robots in packages that install from the registry."""
 TIPS = re.compile(r"links could be the tip: ([^,;]+)")
-PARTS = ("part of an MJCF", "for other files to use", "no robot file that is known")
+PARTS = (
+    "part of an MJCF",
+    "for other files to use",
+    "no robot file that is known",
+    "load the file that includes this one",
+)
 """What is said of files that other files include."""
 HEAD = """# Robots tried
 
@@ -58,8 +91,15 @@ or m where there are none. Where a message asks for more it is given, and the la
 bus for an arm alone (its mass is not in the fifth column), the first of several tips,
 `check="warn"` for inertias that no rigid body has, `density=` where there are none.
 
-Printed by `python tests/tools/robots.py FOLDER ...` (copies of the repositories) and `--installed`.
+Printed by `python tests/tools/robots.py FOLDER ... --installed --count FOLDER ...`: copies of
+repositories, and packages from PyPI, of which some are counted only.
 """
+
+
+CATALOGUE = """
+Without a file, the catalogue has Canadarm2 (`spacearm info ssrms`), ETS-VII (`ets7`), a servicer
+of 1.6 t (`chaser7`), MDA's arm on one of 786 kg (`mda6`), TECSAS (`tecsas`) and VISPA on a CubeSat
+(`vispa_cubesat`), from published data; `spacearm models` names the sources."""
 
 
 class Row(NamedTuple):
@@ -72,6 +112,8 @@ class Row(NamedTuple):
     mass: str
     verdict: str
     outcome: str
+    file: str = ""
+    options: str = ""
 
 
 def files(folder: Path) -> Iterator[Path]:
@@ -95,11 +137,11 @@ def tried(folder: Path, bus: sa.Bus) -> Iterator[Row]:
     repository = name_of(folder)
     packages = [folder] if folder.is_dir() else []
     for path in files(folder):
-        robot = f"{repository}: {path.relative_to(folder)}"
+        file = f"{repository}: {path.relative_to(folder)}"
         for arguments in ARGUMENTS.get(f"{repository}:{path.name}", [{}]):
             said = " ".join(f"{key}:={value}" for key, value in arguments.items())
             options = {"xacro_args": arguments, "packages": packages}
-            yield row(path, f"{robot} {said}".strip(), bus, options)
+            yield row(path, f"{file} {said}".strip(), bus, options)._replace(file=file)
 
 
 def row(path: Path, robot: str, bus: sa.Bus, options: dict) -> Row:
@@ -130,13 +172,15 @@ def row(path: Path, robot: str, bus: sa.Bus, options: dict) -> Row:
     verdict += f" ({', '.join(said)})" if said else ""
     outcome = "answered when told more" if given else "answered"
     tips = ", ".join(tip_of_the_arm(arm) if mounted else tip for tip in arm.tips)
-    return Row(robot, kind, str(arm.n), tips, mass, verdict, outcome)
+    words = [f"--arg {name}:={value}" for name, value in options["xacro_args"].items()]
+    words += [f"--bus-mass {bus.mass:g}"] if mounted else []
+    words += [f"--{name} {value}" for name, value in given.items()]
+    return Row(robot, kind, str(arm.n), tips, mass, verdict, outcome, options=" ".join(words))
 
 
 def tip_of_the_arm(arm: sa.SpaceArm) -> str:
     """The tip of an arm that was mounted, under the name that it has in its file."""
-    (joint,) = (joint for joint in arm.tree.joints.values() if joint.child == arm.tip)
-    return joint.parent.removeprefix(f"{arm.tip}_")
+    return arm.tip.removeprefix(f"{arm.name.removeprefix('bus_')}_")
 
 
 def format_of(path: Path) -> str:
@@ -186,36 +230,57 @@ def installed() -> Iterator[Path]:
             print(f"{name}: not installed", file=sys.stderr)
 
 
-def table(rows: list[Row]) -> Iterator[str]:
-    """The lines of the table, and how many files came to what."""
-    counts = Counter(row.outcome for row in rows)
+def table(rows: list[Row], counted: list[Row]) -> Iterator[str]:
+    """The lines of the tables, and how many files came to what."""
+    outcomes = [outcome for outcome, _ in Counter(row.outcome for row in rows).most_common()]
     yield HEAD
-    yield f"{len(rows)} files: " + ", ".join(f"{n} {what}" for what, n in counts.most_common())
-    yield ""
+    yield "## Space robots that work\n"
+    yield "| robot | file | n | tip | mass [kg] | command |"
+    yield "|---|---|---|---|---|---|"
+    for name, end in SPACE.items():
+        for one in rows:
+            if one.n and one.file.endswith(end):
+                given = f"{Path(one.file.partition(': ')[2]).name} {one.options}".rstrip()
+                cells = (name, one.file, one.n, one.tip, one.mass, f"`spacearm info {given}`")
+                yield f"| {' | '.join(cells)} |"
+    yield CATALOGUE
+    yield "\n## What came of them\n"
+    yield "| files of | files | " + " | ".join(outcomes) + " |"
+    yield "|---|" + "---|" * (1 + len(outcomes))
+    groups = groupby([*rows, *counted], lambda row: row.robot.partition(": ")[0])
+    for source, group in [*((name, list(of)) for name, of in groups), ("all", [*rows, *counted])]:
+        counts = Counter(row.outcome for row in group)
+        numbers = [counts.total(), *(counts[outcome] for outcome in outcomes)]
+        yield f"| {source} | " + " | ".join(map(str, numbers)) + " |"
+    yield "\n## One by one\n"
     yield "| robot | format | n | tip | mass [kg] | verdict |"
     yield "|---|---|---|---|---|---|"
     for one in rows:
         if one.outcome != "a part of other files":
-            yield "| " + " | ".join(one[:-1]) + " |"
+            yield "| " + " | ".join(one[:6]) + " |"
 
 
 def main(words: list[str]) -> int:
-    """Print the table; the time it takes goes to the error stream."""
+    """Print the tables; the time it takes goes to the error stream."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("folders", nargs="*", type=Path)
     parser.add_argument("--installed", action="store_true")
+    parser.add_argument("--count", nargs="*", type=Path, default=[])
     parser.add_argument("--bus-mass", type=float, default=200.0)
     given = parser.parse_args(words)
     bus = sa.Bus(given.bus_mass, size=(1.0, 1.0, 1.0))
-    rows: list[Row] = []
-    for folder in [*given.folders, *(installed() if given.installed else ())]:
-        start = time.perf_counter()
-        found = list(tried(folder, bus))
-        print(
-            f"{name_of(folder)}: {len(found)}, {time.perf_counter() - start:.1f} s", file=sys.stderr
-        )
-        rows += found
-    print("\n".join(table(rows)))
+
+    def all_of(folders: Iterable[Path]) -> list[Row]:
+        rows: list[Row] = []
+        for folder in folders:
+            start = time.perf_counter()
+            rows += (found := list(tried(folder, bus)))
+            took = time.perf_counter() - start
+            print(f"{name_of(folder)}: {len(found)}, {took:.1f} s", file=sys.stderr)
+        return rows
+
+    rows = all_of([*given.folders, *(installed() if given.installed else ())])
+    print("\n".join(table(rows, all_of(given.count))))
     return 0
 
 

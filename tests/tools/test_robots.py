@@ -24,10 +24,13 @@ def test_every_outcome_has_its_row(tmp_path, capsys):
     }
     for name, text in texts.items():
         (folder / name).write_text(text)
-    assert robots.main([str(folder)]) == 0
+    assert robots.main([str(folder), "--count", str(folder)]) == 0
     said = capsys.readouterr().out
+    counted, _, one_by_one = said.partition("## One by one")
     rows = {
-        line.split(" | ")[0]: line for line in said.splitlines() if line.startswith("| someone")
+        line.split(" | ")[0]: line
+        for line in one_by_one.splitlines()
+        if line.startswith("| someone")
     }
     assert list(rows) == [
         f"| someone/robots: {name}"
@@ -43,10 +46,33 @@ def test_every_outcome_has_its_row(tmp_path, capsys):
     assert "check='warn'" in odd[4]
     assert broken[4].startswith("refused: is not XML")
     assert still[4].startswith("nothing moves")
-    assert "1 a part of other files" in said
+    lines = [line for line in counted.splitlines() if line.startswith(("| files", "| all"))]
+    words, numbers = ([cell.strip() for cell in line.strip("|").split("|")] for line in lines)
+    outcomes = dict(zip(words[1:], map(int, numbers[1:]), strict=True))
+    assert outcomes == {
+        "files": 12,
+        "answered": 4,
+        "answered when told more": 2,
+        "refused": 2,
+        "nothing moves": 2,
+        "a part of other files": 2,
+    }
     assert str(tmp_path) not in said
 
 
 def test_the_tip_of_a_mounted_arm_is_named_as_in_its_file():
     arm = sa.mount("ur5", sa.Bus(mass=50.0, size=(1, 1, 1)))
     assert robots.tip_of_the_arm(arm) == "tool0"
+
+
+def test_space_robots_stand_first_with_the_command_that_loads_them(tmp_path, capsys, monkeypatch):
+    (folder := tmp_path / "robots").mkdir()
+    (folder / "SOURCE.txt").write_text("someone/robots commit 0\n")
+    (folder / "odd.urdf").write_text(
+        robot(link("bus", 50.0), IMPOSSIBLE, joint("elbow", "bus", "arm"))
+    )
+    monkeypatch.setattr(robots, "SPACE", {"an odd one": "robots: odd.urdf", "none": "no.urdf"})
+    assert robots.main([str(folder)]) == 0
+    (line,) = (ln for ln in capsys.readouterr().out.splitlines() if ln.startswith("| an odd one"))
+    command = "`spacearm info odd.urdf --check warn`"
+    assert line == f"| an odd one | someone/robots: odd.urdf | 1 | arm | 51 | {command} |"

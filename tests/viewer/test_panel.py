@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.arms import chosen, joint, link, load_text, random_chain
 
 import spacearm as sa
 from spacearm.results import short_names
@@ -48,6 +49,17 @@ def test_labels_stay_apart_and_are_part_of_the_names(name):
     short = short_names(names)
     assert len(set(short)) == len(names)
     assert all(label in whole for label, whole in zip(short, names, strict=True))
+
+
+def test_wheels_are_listed_with_axis_torque_and_capacity():
+    wheel = link("disc", 1.0, inertia=np.diag([1.0, 1.0, 2.0]))
+    limit = '<limit effort="0.5" velocity="30"/>'
+    spun = joint("spin", "bus", "disc", "continuous", axis=(0, 0, 1), inside=limit)
+    text = random_chain(chosen(0), 2).replace("</robot>", f"{wheel}{spun}</robot>")
+    told = about(load_text(text, wheels=["spin"]))["wheels"]
+    assert told["rows"] == [["spin", "bus", "(0, 0, 1)", "0.5", "60"]]
+    assert told["head"][-2:] == ["torque [N m]", "capacity [N m s]"]
+    assert about(sa.load("planar2"))["wheels"]["rows"] == []
 
 
 def test_a_posture_near_the_singular_set_is_near_whatever_its_condition():

@@ -12,7 +12,7 @@ from spacearm.arrays import Array
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.readers.source import Source
 from spacearm.description.shapes import Visuals
-from spacearm.description.tree import ROOT_JOINT, Tree, free_name
+from spacearm.description.tree import Tree, free_name
 from spacearm.errors import listed, unknown
 
 SAME_FRAME = 1e-15
@@ -130,7 +130,7 @@ class Forest:
         )
 
     def robot(self, source: Source, name: str, roots: Sequence[str]) -> Tree:
-        """Return the tree with the most movable joints; say which others are left out.
+        """Return the tree with the tips asked for, else the most movable joints; say what is left.
 
         Args:
             source: The file.
@@ -141,14 +141,18 @@ class Forest:
             ModelError: There is none with a joint, or several with equally many.
         """
         trees = sorted((self.tree(name, root) for root in roots), key=lambda t: -t.freedoms)
+        tips = source.reading.tips
+        if asked := [tree for tree in trees if tips and all(_has(tree, tip) for tip in tips)]:
+            trees = [asked[0], *(tree for tree in trees if tree is not asked[0])]
         if not trees or trees[0].freedoms == 0:
             source.fail("has no joint that can move", "describe the joints of an arm")
         alike = [tree.root for tree in trees if tree.freedoms == trees[0].freedoms]
-        if len(alike) > 1:
+        if len(alike) > 1 and not asked:
             source.fail(
                 f"holds {len(alike)} robots of {trees[0].freedoms} joints each, whose roots are "
                 f"{listed(alike)}",
-                "keep one of them, or join them to one spacecraft",
+                "name the tip of one with tip=LINK, keep one of them, or join them to one "
+                "spacecraft",
             )
         if others := [tree.root for tree in trees[1:]]:
             source.warn(
@@ -156,6 +160,11 @@ class Forest:
                 f"it: {listed(others)}"
             )
         return trees[0]
+
+
+def _has(tree: Tree, tip: str) -> bool:
+    """Whether a tree has a link of this name, or of this name in a model."""
+    return any(link == tip or link.endswith(f"::{tip}") for link in tree.links)
 
 
 def turns(name: str, letters: str, origin: pin.SE3) -> list[Joint]:
@@ -168,25 +177,32 @@ def turns(name: str, letters: str, origin: pin.SE3) -> list[Joint]:
     ]
 
 
-SPLIT_BALL = (
-    "ball joint {name} is taken as three hinges, {name}_x, {name}_y and {name}_z: at "
-    "{name}_y = ±90° they describe a singular configuration that the ball joint does not have"
-)
-"""What the readers say of a ball joint."""
+def warn_of_balls(source: Source, tree: Tree) -> None:
+    """Say which ball joints of a robot are taken as hinges, but for those that are left out."""
+    for name in source.balls:
+        if f"{name}_y" in tree.joints:
+            source.warn(
+                f"ball joint {name} is taken as three hinges, {name}_x, {name}_y and {name}_z: at "
+                f"{name}_y = ±90° they describe a singular configuration that the ball joint does "
+                "not have"
+            )
 
 
-def unprefixed(tree: Tree) -> Tree:
-    """Return the tree without the name of a model that all its names start with."""
+def unprefixed(tree: Tree, tips: Sequence[str]) -> Tree:
+    """Return the tree without the name of a model that all its names start with.
+
+    They keep it where a tip that was asked for is named with it.
+    """
     prefix = tree.root.partition("::")[0] + "::"
     if not all(name.startswith(prefix) for name in (*tree.links, *tree.joints)):
         return tree
-    return replace(tree.renamed(lambda name: name.removeprefix(prefix)), name=prefix[:-2])
+    if not any(tip.startswith(prefix) for tip in tips):
+        tree = tree.renamed(lambda name: name.removeprefix(prefix))
+    return replace(tree, name=prefix[:-2])
 
 
 def check_mimics(source: Source, joints: dict[str, Joint]) -> None:
     """Check that mimic joints lead to others; those of fixed joints are fixed too."""
-    if ROOT_JOINT in joints:
-        source.fail(f"joint {ROOT_JOINT!r} has the name of the free root joint", "rename it")
     for joint in list(joints.values()):
         if joint.mimic and (leader := joints.get(joint.mimic.leader)) and leader.kind == "fixed":
             joints[joint.name] = joint.frozen(joint.mimic.offset)
@@ -225,8 +241,8 @@ def with_floating_base(source: Source, tree: Tree) -> Tree:
     way = _way(source, tree)
     if not way:
         return tree
-    spacecraft, names = way[-1].child, listed([joint.name for joint in way])
-    base = _from(tree, spacecraft)
+    base, names = _from(tree, way[-1].child), listed([joint.name for joint in way])
+    spacecraft = next(link for link in tree.lumps[base.root] if _is_body(source, tree, link))
     if not base.freedoms or any(
         joint.mimic and joint.mimic.leader not in base.joints for joint in base.joints.values()
     ):
@@ -241,10 +257,10 @@ def with_floating_base(source: Source, tree: Tree) -> Tree:
         source.fail(
             f"the link {tree.root!r} has no mass and carries {spacecraft!r} by {names}: "
             f"{spacecraft!r} may be a spacecraft that floats, or an arm on a rail",
-            "for a spacecraft, replace these joints by one that leaves it free (a fixed joint in "
-            "URDF and SDF, <freejoint/> in MJCF); an arm on a rail is mounted with its rail: "
-            f"sa.mount({str(source.path)!r}, sa.Bus(mass=..., size=...)), on the command line "
-            "--bus-mass KG",
+            "for a spacecraft, lock these joints, as in "
+            f"locked={{{way[0].name!r}: 0.0}}, and it floats by itself; an arm on a rail is "
+            f"mounted with its rail: sa.mount({str(source.path)!r}, sa.Bus(mass=..., size=...)), "
+            "on the command line --bus KG",
         )
     if not source.reading.spacecraft:
         source.warn(

@@ -10,7 +10,7 @@ from typing import TypeAlias
 from lxml import etree
 
 from spacearm.description.readers import mjcf, pinocchio_model, sdf, urdf
-from spacearm.description.readers.forest import check_mimics, with_floating_base
+from spacearm.description.readers.forest import check_mimics, warn_of_balls, with_floating_base
 from spacearm.description.readers.masses import checked
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS, PinocchioModel
 from spacearm.description.readers.source import Reading, Source
@@ -43,7 +43,9 @@ def read(robot: RobotSource, reading: Reading | None = None) -> Tree:
     else:
         tree = _read(source, source.root())
     check_mimics(source, joints := dict(tree.joints))
-    tree = with_floating_base(source, replace(tree, joints=joints))
+    tree = replace(tree, joints=joints).locked(source.reading.locked)
+    tree = with_floating_base(source, tree)
+    warn_of_balls(source, tree)
     tree = checked(source, tree)
     return replace(tree, notes=tuple(source.notes))
 

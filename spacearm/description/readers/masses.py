@@ -62,12 +62,17 @@ def _require_masses(source: Source, tree: Tree) -> None:
     """Refuse a spacecraft without mass, and a robot of which nothing that moves has mass."""
     masses = {leader: body.mass for leader, body in tree.bodies.items()}
     if source.reading.spacecraft and masses[tree.root] == 0.0:
+        if not tree.freedoms:
+            source.fail(
+                f"the root link {tree.root!r} has no mass, and no joint can move",
+                "describe the mass of the spacecraft and the joints of its arm",
+            )
         file = str(source.path)
         source.fail(
             f"the spacecraft {tree.root!r}, the root link, has no mass (its <inertial> is zero or "
             "missing), as if this is an arm alone",
             f"mount it: sa.mount({file!r}, sa.Bus(mass=..., size=...)), or on the command line "
-            f"--bus-mass KG, or spacearm mount {file} --bus-mass KG -o robot.urdf; or give that "
+            f"--bus KG, or spacearm mount {file} --bus KG -o robot.urdf; or give that "
             "link a mass and an inertia",
         )
     spacecraft = masses.pop(tree.root)
@@ -75,7 +80,7 @@ def _require_masses(source: Source, tree: Tree) -> None:
     if source.reading.spacecraft and spacecraft < LIGHT * moving:
         source.note(
             f"the spacecraft {tree.root!r} has {spacecraft:.3g} kg, and what moves on it "
-            f"{moving:.3g} kg, as if this is an arm alone: sa.mount and --bus-mass put it on one"
+            f"{moving:.3g} kg, as if this is an arm alone: sa.mount and --bus put it on one"
         )
     if masses and not any(masses.values()):
         source.fail(
@@ -362,6 +367,8 @@ def _level(tree: Tree, axis: int) -> bool:
 
 FAR = 10.0
 """How many times as long as the robot a radius of gyration may be."""
+FAR_DRAWN = 30.0
+"""How many times as long as the robot what is drawn or collides may be: panels may be wide."""
 LEAST_SIZE = 1.0
 """Length [m] that a robot is taken to have at least, where its joints are close together."""
 
@@ -371,7 +378,8 @@ def implausible(tree: Tree, estimated: Mapping[str, Inertial]) -> list[str]:
 
     Inertias in kg mm^2, lengths in millimetres and masses in grams load without a fault. What
     betrays them is the radius of gyration of a body, sqrt(I / m), which is no longer than the robot
-    itself. Meshes in millimetres give links whose mass is farther away than the robot is long.
+    itself. Meshes in millimetres give links whose mass is farther away than the robot is long, or
+    that are drawn larger.
 
     Args:
         tree: Its links and joints.
@@ -408,6 +416,19 @@ def implausible(tree: Tree, estimated: Mapping[str, Inertial]) -> list[str]:
                 f"as if in millimetres; the robot is {size:.3g} m long: give its meshes a scale, "
                 "as in scale='0.001 0.001 0.001'"
             )
+    oversize = {
+        link: far
+        for link, solids in tree.visuals.items()
+        if link not in estimated
+        and (far := max(shape.reach() for shape in (*solids.visual, *solids.collision)))
+        > min(FAR_DRAWN * size, LONGEST)
+    }
+    if oversize:
+        found.append(
+            f"shapes of {_quoted(oversize)} reach {max(oversize.values()):.4g} m from the frame of "
+            f"their link, as if in millimetres; the robot is {size:.3g} m long: give their meshes "
+            "a scale, as in scale='0.001 0.001 0.001'"
+        )
     return found
 
 

@@ -21,7 +21,7 @@ from lxml import etree
 from spacearm.arrays import LEAST_MASS, Array
 from spacearm.description import shapes
 from spacearm.description.bodies import Inertial, Joint, Mimic
-from spacearm.description.readers.forest import SPLIT_BALL, Forest, turns
+from spacearm.description.readers.forest import Forest, turns
 from spacearm.description.readers.mjcf_bounds import check_bounds
 from spacearm.description.readers.source import Source
 from spacearm.description.tree import Tree
@@ -169,7 +169,7 @@ class _Reader:
         """Return a joint, or the hinges that stand for a ball joint."""
         model, name = self._model, self._joints[i]
         if self._kind(i) == "BALL":
-            self._source.warn(SPLIT_BALL.format(name=name))
+            self._source.balls.append(name)
             return turns(name, "xyz", origin)
         slides, limited = self._kind(i) == "SLIDE", bool(model.jnt_limited[i])
         lower, upper = model.jnt_range[i].tolist() if limited else (-math.inf, math.inf)

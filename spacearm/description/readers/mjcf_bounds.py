@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import stat
+from collections.abc import Collection
 from pathlib import Path
 
 from lxml import etree
@@ -39,7 +40,7 @@ def check_bounds(source: Source, root: etree._Element) -> None:
         ModelError: It does; the message says the bound.
     """
     bounds = _Bounds(source)
-    bounds.elements(root)
+    bounds.elements(root, source.path.resolve())
     bounds.check_files()
 
 
@@ -53,8 +54,14 @@ class _Bounds:
         self._named: set[str] = set()
         self._count = 0
 
-    def elements(self, root: etree._Element) -> float:
-        """Return the number of elements of a file, copies and attached models among them."""
+    def elements(self, root: etree._Element, *paths: Path) -> float:
+        """Return the number of elements of a file, copies and attached models among them.
+
+        Args:
+            root: Its root element.
+            paths: The file.
+        """
+        included = set(paths)  # MuJoCo includes a file once
         total, attached, largest = 0.0, 0.0, 0.0
         left = [(root, 1.0)]
         while left:
@@ -63,9 +70,12 @@ class _Bounds:
             times *= max(1.0, _product(element, "count")) if element.tag == "replicate" else 1.0
             total += times * (_product(element, "count") if element.tag in GENERATED else 1.0)
             if element.tag == "include":
-                left += [(included, times) for included in self._parsed(name)]
+                parts = self._parsed(name, included)
+                included.update(parts)
+                left += [(part, times) for part in parts.values()]
             elif element.tag == "model" and name:
-                largest = max([largest, *map(self.elements, self._parsed(name))])
+                counts = [self.elements(part, path) for path, part in self._parsed(name).items()]
+                largest = max([largest, *counts])
             attached += times if element.tag == "attach" else 0.0
             if total + attached * largest > MOST_ELEMENTS:
                 self._source.fail(
@@ -103,21 +113,21 @@ class _Bounds:
                 self._source.fail(f"names {path}, a device or a pipe", "name a file")
         return found
 
-    def _parsed(self, name: str) -> list[etree._Element]:
-        """Return the root elements of the files that a name may stand for."""
+    def _parsed(self, name: str, but: Collection[Path] = ()) -> dict[Path, etree._Element]:
+        """Return the root elements of the files that a name may stand for, but for some."""
         self._count += 1
         if self._count > MOST_FILES:
             self._source.fail(
                 f"is made of more than {MOST_FILES} files", "join them, or let none include itself"
             )
-        roots = []
-        for path in self._files(name):
+        roots = {}
+        for path in {path.resolve() for path in self._files(name)}.difference(but):
             try:
-                roots.append(self._source.parsed(read(path)))
+                roots[path] = self._source.parsed(read(path))
             except OSError as error:
                 self._source.fail(f"names {path}, which cannot be read ({error})", "correct it")
-            if (folder := path.resolve().parent) not in self._folders:
-                self._folders.append(folder)
+            if path.parent not in self._folders:
+                self._folders.append(path.parent)
         return roots
 
     def _check_numbers(self, element: etree._Element) -> None:

@@ -16,7 +16,7 @@ from pinocchio.robot_wrapper import RobotWrapper
 from spacearm.arrays import Array
 from spacearm.description import shapes
 from spacearm.description.bodies import Inertial, Joint, Mimic
-from spacearm.description.readers.forest import SAME_FRAME, SPLIT_BALL, Forest
+from spacearm.description.readers.forest import SAME_FRAME, Forest
 from spacearm.description.readers.source import Source
 from spacearm.description.tree import Tree, free_name
 
@@ -145,7 +145,7 @@ class _Reader:
                 parts += self._row(f"{name}_{j + 1}", part, here)
             return parts
         if kind == "Spherical":
-            self._source.warn(SPLIT_BALL.format(name=name))
+            self._source.balls.append(name)
         if kind in ROWS or kind == "Universal":
             axes = dict(zip("xyz", np.eye(3), strict=True))
             row = [(letter, one, axes[letter]) for letter, one in ROWS.get(kind, ())]

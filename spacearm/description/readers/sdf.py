@@ -17,7 +17,7 @@ from lxml import etree
 
 from spacearm.arrays import LARGEST, LEAST_MASS, Array
 from spacearm.description.bodies import Inertial, Joint, Mimic
-from spacearm.description.readers.forest import SPLIT_BALL, Forest, turns, unprefixed
+from spacearm.description.readers.forest import Forest, turns, unprefixed
 from spacearm.description.readers.sdf_frames import WORLD, Contents, Scope, pose, relative_to, words
 from spacearm.description.readers.source import Source, describe, evaluate
 from spacearm.description.shapes import Mesh, Shape, primitive
@@ -97,7 +97,7 @@ class _Reader:
                     "(sa.mount bolts the arm to another)"
                 )
         tree = forest.robot(source, self._contents.name, forest.roots())
-        return unprefixed(tree)
+        return unprefixed(tree, self._source.reading.tips)
 
     def _shapes(self, link: str, scope: Scope, parent: etree._Element) -> tuple[Shape, ...]:
         """Read a <visual> or <collision> of a link."""
@@ -138,7 +138,7 @@ class _Reader:
             return
         origin, last = frames.pose(name, parent, joint), frames.pose(child, name, joint)
         if kind == "ball":
-            source.warn(SPLIT_BALL.format(name=name))
+            source.balls.append(name)
             row = turns(name, "xyz", origin)
         else:
             row = [self._axis(name, scope, joint, tag) for tag in AXES[kind]]

@@ -188,9 +188,10 @@ class Frames:
     def add(self, name: str, frame: Frame) -> None:
         """Add a frame; no two have one name."""
         if other := self.frames.get(name):
+            given = name.removesuffix(f"::{MODEL}")
             lines = f"lines {other.element.sourceline} and {frame.element.sourceline}"
             self.source.fail(
-                f"two frames, links, joints or models are named {name!r} ({lines})", "rename one"
+                f"two frames, links, joints or models are named {given!r} ({lines})", "rename one"
             )
         self.frames[name] = frame
 

@@ -86,7 +86,9 @@ class Reading:
             shapes; None if they are to have none.
         spacecraft: Whether the root link is a spacecraft, which has mass; the root of an arm alone
             may be a frame without mass.
-
+        locked: Joints that are locked as the file is read, with their values [rad] or [m].
+        tips: Links that are asked for as tips: of several robots in a file the one that has them
+            is read.
     """
 
     check: Check = "error"
@@ -94,6 +96,8 @@ class Reading:
     xacro_args: Mapping[str, str] = field(default_factory=dict)
     density: float | None = None
     spacecraft: bool = True
+    locked: Mapping[str, float] = field(default_factory=dict)
+    tips: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -135,6 +139,8 @@ LONGEST = 300
 MOST_PREFIXES = 20
 """Largest number of namespace prefixes that are declared in place of the file."""
 UNDECLARED = re.compile(r"Namespace prefix ([\w.-]+) (on|for) .* is not defined")
+VERSION = re.compile(rb"""\A(<\?xml\s+version\s*=\s*["'])[\d.]+""")
+"""The version of XML that a file states, which some write as 0.0."""
 ROOT_TAG = re.compile(rb"(\s|<\?((?!\?>).)*\?>|<!--((?!-->).)*-->)*<[\w:.-]+", re.DOTALL)
 WRITTEN = "written-on"
 """Attribute of a link or joint from a xacro source: the line and file where it is written."""
@@ -148,6 +154,7 @@ class Source:
         reading: How it is read.
         packages: The packages that it may name.
         notes: What was assumed or left out so far.
+        balls: Ball joints that were taken as three hinges.
     """
 
     def __init__(self, path: Path, reading: Reading | None = None) -> None:
@@ -155,6 +162,7 @@ class Source:
         self.reading = reading or Reading()
         self.packages = Packages(path, self.reading.packages)
         self.notes: list[str] = []
+        self.balls: list[str] = []
         self._meshes: dict[str, Path | None] = {}
 
     def fail(self, problem: str, remedy: str) -> NoReturn:
@@ -353,10 +361,11 @@ def line_of(element: etree._Element) -> str:
 
 
 def declared(text: bytes) -> bytes:
-    """Return XML with every namespace prefix declared that it uses, without blanks before it."""
-    body = text.lstrip()
+    """Return XML 1.0 with all its namespace prefixes declared, without blanks before it."""
+    body = VERSION.sub(rb"\g<1>1.0", text.lstrip())
     if body.startswith(b"<?xml"):  # which must come first; the number of lines stays
-        text = body.replace(b"?>", b"?>" + b"\n" * text[: -len(body)].count(b"\n"), 1)
+        blank = text[: len(text) - len(text.lstrip())]
+        text = body.replace(b"?>", b"?>" + b"\n" * blank.count(b"\n"), 1)
     for _ in range(MOST_PREFIXES):
         try:
             etree.fromstring(text, etree.XMLParser(resolve_entities=False, no_network=True))

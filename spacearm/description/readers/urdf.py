@@ -54,19 +54,20 @@ def read(source: Source, written: etree._Element) -> Tree:
     for name, joint in source.named(robot, "joint").items():
         forest.joints[name] = _joint(source, joint, forest.links)
     tips = tuple(_named_link(source, tip, forest.links) for tip in robot.findall("tip"))
-    _leave_out_world(source, forest)
+    floats = _cut_free(source, forest)
     check_mimics(source, forest.joints)  # first: a joint that mimics a fixed one has no limits
     _warn_of_limits(source, robot, forest.joints)
     forest.check(source)
-    root, *others = forest.roots()
-    if others:
+    roots = forest.roots()
+    if len(roots) > 1 and not floats:
         source.fail(
-            f"has {1 + len(others)} root links ({listed([root, *others])})",
+            f"has {len(roots)} root links ({listed(roots)})",
             "join them to one spacecraft by fixed joints",
         )
     source.warn_of_missing_meshes()
     name = robot.get("name") or source.path.name.partition(".")[0]
-    return replace(forest.tree(name, root), tips=tips)
+    tree = forest.robot(source, name, roots) if floats else forest.tree(name, roots[0])
+    return replace(tree, tips=tips)
 
 
 def _expanded(source: Source, robot: etree._Element) -> etree._Element:
@@ -87,22 +88,43 @@ def _expanded(source: Source, robot: etree._Element) -> etree._Element:
     return robot
 
 
-def _leave_out_world(source: Source, forest: Forest) -> None:
-    """Leave out a frame that the spacecraft floats in, and the joint that it floats by."""
-    for joint in [joint for joint in forest.joints.values() if joint.kind in FLOATING]:
-        beside = [j for j in forest.joints.values() if joint.parent in (j.parent, j.child)]
-        if forest.links[joint.parent] is not None or beside != [joint]:
-            source.fail(
-                f"joint {joint.name!r} is of type {joint.kind!r}, a freedom that only the "
-                "spacecraft has",
-                "leave it out above the spacecraft, whose root link floats by itself; elsewhere "
-                "replace it by revolute and prismatic joints",
+def _cut_free(source: Source, forest: Forest) -> bool:
+    """Leave out the joints that links float by, through which no force passes.
+
+    Links without mass that the spacecraft floats in are left out with its joint, which may be
+    planar.
+
+    Returns:
+        Whether other floating joints were cut, so that the file holds several bodies in space.
+    """
+    cut = False
+    free = [joint for joint in forest.joints.values() if joint.kind in FLOATING]
+    for joint in free:
+        del forest.joints[joint.name]
+    for joint in free:
+        above = forest.behind(*(r for r in forest.roots() if joint.parent in forest.behind(r)))
+        fixed = [other for other in forest.joints.values() if other.parent in above]
+        shared = len([other for other in free if other.parent in above]) > 1
+        massive = any(part.mass for link in above if (part := forest.links[link]))
+        if above and not (shared or massive or any(other.kind != "fixed" for other in fixed)):
+            frames = listed([repr(link) for link in sorted(above)])
+            source.warn(
+                f"joint {joint.name!r} of type {joint.kind!r} and {frames} are left out: the "
+                f"spacecraft {joint.child!r} floats by itself"
             )
-        source.warn(
-            f"joint {joint.name!r} of type {joint.kind!r} and the link {joint.parent!r} are left "
-            f"out: the spacecraft {joint.child!r} floats by itself"
-        )
-        del forest.links[joint.parent], forest.joints[joint.name]
+            for other in fixed:
+                del forest.joints[other.name]
+            for link in above:
+                del forest.links[link]
+        elif joint.kind == "planar":
+            source.fail(
+                f"joint {joint.name!r} is of type 'planar', a freedom that only the spacecraft has",
+                "leave it out above the spacecraft, whose root link floats by itself; elsewhere "
+                "replace it by two prismatic joints and a revolute one",
+            )
+        else:
+            cut = True
+    return cut
 
 
 # --- links and joints -----------------------------------------------------------------------
@@ -148,7 +170,9 @@ def _joint(source: Source, element: etree._Element, links: Collection[str]) -> J
     if not joint.movable:
         return joint
     damping, friction = (_resistance(source, element, name) for name in ("damping", "friction"))
-    return replace(joint, damping=damping, friction=friction)
+    home = source.child(element, "home")
+    at = 0.0 if home is None else source.number(home, "value")
+    return replace(joint, damping=damping, friction=friction, home=at)
 
 
 def _end(source: Source, joint: etree._Element, end: str, links: Collection[str]) -> str:
@@ -163,7 +187,8 @@ def _named_link(source: Source, element: etree._Element, links: Collection[str])
     if link not in links:
         joint = element.getparent()
         owner = "" if joint is None or joint.tag != "joint" else f" of joint {joint.get('name')!r}"
-        source.fail(f"{element.tag!s}{owner}: {unknown('link', link, links)}", "name one")
+        part = ", or load the file that includes this one" * (source.path.suffix == ".xacro")
+        source.fail(f"{element.tag!s}{owner}: {unknown('link', link, links)}", f"name one{part}")
     return link
 
 

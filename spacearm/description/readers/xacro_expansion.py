@@ -107,7 +107,12 @@ class Expansion:
         where = [f"in {Path(file).name}" for file in self._xacro.filestack[1:][-1:]]
         where += [f"in macro {m.body.getAttribute('name')!r}" for m in self._xacro.macrostack[-1:]]
         problem = " ".join([f"cannot be expanded ({' '.join(str(text).split())})", *where])
-        return XacroError(problem, "correct it there, or expand it by ROS: xacro FILE > robot.urdf")
+        part = ", or load the file that includes this one"
+        return XacroError(
+            problem,
+            f"correct it there{part * ('is not defined' in problem)}, or expand it by ROS: xacro "
+            "FILE > robot.urdf",
+        )
 
     # --- the sandbox ------------------------------------------------------------------------
 

@@ -10,8 +10,9 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
+from spacearm.model.arguments import FLOATING, HELD
 from spacearm.planning.account import Attempts
-from spacearm.planning.problem import recheck
+from spacearm.planning.problem import prove_clearance, recheck
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.at_rest import at_rest, paced
@@ -30,6 +31,7 @@ def by_way_of_goals(request: PlanRequest) -> Plan:
     goals = (*request.via, request.goal)
     keep = request.constraints.keep_attitude
     each = replace(request.constraints, keep_attitude=None if keep is None else keep / len(goals))
+    mode = FLOATING if request.held is None else HELD
     attempts = Attempts(request.account)
     for number in attempts.each(itertools.count()):
         with attempts.at("legs"):
@@ -49,6 +51,7 @@ def by_way_of_goals(request: PlanRequest) -> Plan:
                 legs.append(at_rest(leg))
             whole = landed(_joined(legs, request))
             whole = paced(whole, request.constraints.joint_rates(whole.arm))
+            prove_clearance(whole, whole.arm if request.held is None else request.held, mode)
             return recheck(whole, request.account)
     told = dict.fromkeys(f"{method}: {why}" for method, _, why in attempts.failed)
     nothing = f"{request.start.arm.name}: no leg found in {request.account.elapsed:.1f} s"

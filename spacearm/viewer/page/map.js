@@ -211,8 +211,8 @@ export function createMap(joints, ask, move) {
   function note() {
     const held = map.spacecraft === "free-floating" ? "" : ` Spacecraft ${map.spacecraft}.`;
     return (map.curves
-      ? "Lines: singular postures, exact. Colour: distance, from vermilion at 0 to blue at 30°."
-      : "Colour: distance to a singular posture, vermilion at 0, blue from 30° on.") + held;
+      ? "Lines: singular postures, exact. Colour: distance to first order, from vermilion at 0 to blue at 30°."
+      : "Colour: distance to first order, vermilion at 0, blue from 30° on.") + held;
   }
 
   return {

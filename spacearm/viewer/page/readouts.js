@@ -5,7 +5,7 @@ import { DEGREE, byId, digits, distanceColour, element, fixed } from "./format.j
 const FAR = 30; // degrees at the end of the gauge
 
 export function createReadouts({ model, tip, tip_reason, task, unit, joints, meaning, missing,
-  contacts, grid }) {
+  contacts, wheels, grid }) {
   byId("squares").textContent = `grid ${digits(grid.step)} m`;
   byId("model").textContent = byId("model").title = model;
   document.title = `${model} - spacearm`;
@@ -16,13 +16,16 @@ export function createReadouts({ model, tip, tip_reason, task, unit, joints, mea
   byId("missing").querySelector("p").textContent = missing;
   byId("missing").hidden = !missing;
   byId("contacts").title = contacts;
+  byId("wheels").hidden = !wheels.rows.length;
+  table(byId("wheels").querySelector("div"), wheels.head, wheels.rows);
   return (state) => show(state, { joints, task, unit });
 }
 
 function show(state, { joints, task, unit }) {
-  setKind(state);
+  setKind(state, state.impossible && "impossible task");
   gauge(state.distance);
-  byId("away").textContent = state.away ? `To get away, per degree: ${state.away}` : "";
+  byId("away").textContent = state.impossible
+    || (state.away ? `To get away, per degree: ${state.away}` : "");
   byId("radius").textContent = `${digits(state.radius, 5)} m`;
   byId("tip").textContent = `${state.tip.map((x) => fixed(x, 3)).join(", ")} m`;
   const touching = state.contacts.map((pair) => pair.join(" – ")).join(", ");
@@ -52,7 +55,8 @@ export function gauge(distance) {
   const shown = Math.min(degrees, FAR);
   box.firstElementChild.style.left = `${(100 * shown) / FAR}%`;
   box.setAttribute("aria-valuenow", shown.toFixed(2));
-  const text = degrees >= FAR ? `over ${FAR}°` : `${degrees < 1e-3 ? 0 : digits(degrees, 3)}°`;
+  const text = distance === null ? "none found"
+    : `${degrees < 1e-3 ? 0 : digits(degrees, 3)}° away`;
   byId("distance").textContent = text;
   box.setAttribute("aria-valuetext", text);
   box.style.background = `linear-gradient(to right, ${[0, 0.25, 0.5, 0.75, 1]

@@ -1,0 +1,294 @@
+"""Target: a free rigid body that drifts and tumbles, and the frames by which it can be grasped."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import Array, finite, named, plain, read_only
+from spacearm.description.bodies import Inertial
+from spacearm.description.bus import Bus
+from spacearm.description.readers import formats
+from spacearm.description.readers.formats import RobotSource
+from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS
+from spacearm.description.tree import Tree
+from spacearm.errors import ConfigurationError, ModelError, listed, unknown
+from spacearm.mechanics.free_rotation import FreeRotation
+from spacearm.model.frames import PoseLike, sound_pose
+from spacearm.results import Cell, Column, Described, Description, Measure, Table
+from spacearm.signatures import checked
+
+HERE = pin.SE3.Identity()
+NONE: Mapping[str, PoseLike] = {}
+FASTEST_ORBIT = 0.01
+"""Largest rate of an orbit [rad/s]: about the densest planets none is faster."""
+
+
+class Frame(NamedTuple):
+    """Pose and twist of a frame at a time.
+
+    Attributes:
+        pose: Its pose in the inertial frame.
+        twist: (6,) velocity of its origin [m/s] and angular velocity [rad/s], inertial axes.
+    """
+
+    pose: pin.SE3
+    twist: Array
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its fields as plain JSON data."""
+        return named(self)
+
+
+@checked
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class Target(Described):
+    """A free rigid body, such as debris to be caught: it drifts and tumbles, no torque acting.
+
+    Its rotation is computed in closed form, at any time. With `orbit` it drifts relative to the
+    chaser as Clohessy and Wiltshire say (J. Aerosp. Sci. 27, 653-658 (1960), DOI 10.2514/8.8704).
+    `sa.plan` and `sa.collision_check` take it as an obstacle.
+
+    Attributes:
+        body: What it is: a `Bus`, or a URDF, SDF or MJCF whose links are all fixed to each other.
+        pose: Pose of its frame, that of the root link, in the inertial frame at time 0.
+        twist: (6,) its motion at time 0: velocity of the origin of its frame [m/s] and angular
+            velocity [rad/s], inertial axes.
+        grapples: Frames by which it can be grasped: poses in its own frame, by name. The tip of
+            the hand is where such a frame is when it grasps; z points into the target, as the z
+            axis of the hand does. Links without mass of a file count too.
+        orbit: Orbital rate of the chaser [rad/s]; 0 far from any orbit. The inertial axes are then
+            x radial, outwards, y along the track and z normal to the orbit at time 0, and the
+            system CM of the chaser is at the origin of the inertial frame.
+        name: What it is called. Default: the name of the body.
+
+    Raises:
+        ConfigurationError: A value is not valid.
+        ModelError: The file cannot be read, or the body has joints that move.
+
+    Example:
+        >>> import spacearm as sa
+        >>> debris = sa.Target(
+        ...     sa.Bus(90, size=(1, 1, 2), name="debris"),
+        ...     sa.pose((2.5, 0.4, 0)),
+        ...     twist=(0, 0.01, 0, 0, 0.02, 0.05),
+        ...     grapples={"ring": sa.pose((0, 0, -1))},
+        ... )
+        >>> debris.at(60, "ring").pose.translation.round(3)
+        array([ 1.799,  0.437, -0.437])
+    """
+
+    body: Bus | RobotSource
+    pose: pin.SE3
+    twist: Array
+    grapples: Mapping[str, pin.SE3]
+    orbit: float
+    name: str
+
+    def __init__(
+        self,
+        body: Bus | RobotSource,
+        pose: PoseLike = HERE,
+        *,
+        twist: npt.ArrayLike = (0.0,) * 6,
+        grapples: Mapping[str, PoseLike] = NONE,
+        orbit: float = 0.0,
+        name: str = "",
+    ) -> None:
+        if not isinstance(body, (Bus, str, os.PathLike, *PINOCCHIO_MODELS)):
+            raise ConfigurationError(f"body is {body!r}; give a sa.Bus or the path of a robot file")
+        if not isinstance(grapples, Mapping):
+            raise ConfigurationError(f"grapples is {grapples!r}; give {{name: pose}}")
+        rate = float(finite(orbit, (), "orbit", "for the orbital rate [rad/s]"))
+        if not 0.0 <= rate <= FASTEST_ORBIT:
+            raise ConfigurationError(
+                f"orbit is {orbit!r}; give the orbital rate, from 0 to {FASTEST_ORBIT} rad/s "
+                "(0.0011 in low orbits of the Earth)"
+            )
+        self.__dict__["body"] = body
+        tree = self.tree
+        marks = {
+            link: frame
+            for link, frame in tree.frames.items()
+            if link != tree.root and not tree.links[link]
+        }
+        own = {name: sound_pose(frame, f"grapple {name!r}") for name, frame in grapples.items()}
+        self.__dict__.update(
+            {
+                "pose": sound_pose(pose, "pose"),
+                "twist": read_only(finite(twist, (6,), "twist", "[linear [m/s]; angular [rad/s]]")),
+                "grapples": MappingProxyType(marks | own),
+                "orbit": rate,
+                "name": name or tree.name,
+            }
+        )
+
+    @cached_property
+    def tree(self) -> Tree:
+        """Its links, all fixed to each other."""
+        tree = self.body.tree() if isinstance(self.body, Bus) else formats.read(self.body)
+        if moving := [joint.name for joint in tree.movable()]:
+            raise ModelError(
+                f"{tree.name} has joints that move, {listed(moving)}, and a target is one rigid "
+                "body; make them fixed in the file, or give the posture or motion of a robot, "
+                "sa.Obstacle.robot, as an obstacle"
+            )
+        return tree
+
+    @property
+    def inertial(self) -> Inertial:
+        """Mass [kg], CM [m] and inertia about it [kg m^2], in the axes of its frame."""
+        return self.tree.bodies[self.tree.root]
+
+    @property
+    def mass(self) -> float:
+        """Mass [kg]."""
+        return self.inertial.mass
+
+    @property
+    def com(self) -> Array:
+        """CM (3,) in its frame [m]."""
+        return np.array(self.inertial.origin.translation)
+
+    @property
+    def inertia(self) -> Array:
+        """Inertia (3, 3) about its CM, in the axes of its frame [kg m^2]."""
+        return self.inertial.inertia
+
+    @cached_property
+    def rotation(self) -> FreeRotation:
+        """How it turns."""
+        return FreeRotation(self.inertia, self.pose.rotation, self.twist[3:])
+
+    @cached_property
+    def cm(self) -> tuple[Array, Array]:
+        """Place (3,) [m] and velocity (3,) [m/s] of its CM at time 0, inertial frame."""
+        lever = self.pose.rotation @ self.com
+        return self.pose.translation + lever, self.twist[:3] + np.cross(self.twist[3:], lever)
+
+    def at(self, t: float, grapple: str | None = None) -> Frame:
+        """Return pose and twist at a time [s], of its own frame or of a grapple frame.
+
+        Args:
+            t: The time [s].
+            grapple: Name of a grapple frame.
+
+        Raises:
+            ConfigurationError: t is not finite, or there is no such frame.
+        """
+        time = float(finite(t, (), "t", "of time [s]"))
+        R, w = self.rotation.at(time)
+        place, v = drift(*self.cm, time, self.orbit)
+        local = self.frame(grapple) if grapple is not None else HERE
+        lever = R @ (local.translation - self.com)
+        pose = pin.SE3(R @ local.rotation, place + lever)
+        return Frame(pose, np.concatenate((v + np.cross(w, lever), w)))
+
+    def frame(self, grapple: str) -> pin.SE3:
+        """Return the pose of a grapple frame in its own frame.
+
+        Raises:
+            ConfigurationError: There is no such frame.
+        """
+        if grapple not in self.grapples:
+            raise ConfigurationError(unknown(f"grapple of {self.name}", grapple, self.grapples))
+        return self.grapples[grapple].copy()
+
+    def moved(self, far: float, t0: float, t1: float) -> float:
+        """Return how far a point moves between two times at most [m].
+
+        Args:
+            far: A distance that the point is not farther than from the origin of its frame [m].
+            t0: A time [s].
+            t1: The other.
+        """
+        place, v = (np.linalg.norm(x) for x in drift(*self.cm, t0, self.orbit))
+        span, tide = abs(t1 - t0), math.sqrt(2.0) * self.orbit
+        # the tide accelerates by at most 2 n^2 |r|
+        way = v * span
+        if tide:
+            way = place * (math.cosh(tide * span) - 1.0) + v * math.sinh(tide * span) / tide
+        turn = min(self.rotation.fastest * span, 2.0)
+        return float(way + (far + np.linalg.norm(self.com)) * turn)
+
+    def replace(self, **changes: Any) -> Target:
+        """Return the target with other values: another pose or twist, for example."""
+        return replace(self, **changes)
+
+    def describe(self) -> Description:
+        """Describe it: mass, inertia, motion and grapple frames."""
+        moments = np.linalg.eigvalsh(self.inertia)
+        w = float(np.linalg.norm(self.twist[3:]))
+        facts: dict[str, Cell] = {
+            "mass": Measure(self.mass, "kg"),
+            "CM in its frame": Measure(self.com, "m"),
+            "principal moments": Measure(moments, "kg m^2"),
+            "CM at time 0": Measure(self.cm[0], "m"),
+            "velocity of the CM at time 0": Measure(self.cm[1], "m/s"),
+            "angular velocity at time 0": Measure(self.twist[3:], "rad/s"),
+        }
+        if self.orbit:
+            facts["orbital rate"] = Measure(self.orbit, "rad/s")
+        frames = [
+            (
+                name,
+                Measure(pose.translation, "m"),
+                Measure(pin.rpy.matrixToRpy(pose.rotation), "rad"),
+            )
+            for name, pose in self.grapples.items()
+        ]
+        columns = (Column("grapple frame"), Column("place"), Column("roll, pitch, yaw"))
+        return Description(
+            title=f"{self.name}, {self.mass:.5g} kg",
+            verdict=f"it turns at {np.degrees(w):.3g}°/s" if w else "it does not turn",
+            notes=self.tree.notes,
+            tables=[Table.facts(facts), *([Table(columns, frames)] if frames else [])],
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its values at time 0 as plain JSON data."""
+        return {
+            "name": self.name,
+            "mass": self.mass,
+            "com": plain(self.com),
+            "inertia": plain(self.inertia),
+            "pose": plain(self.pose),
+            "twist": plain(self.twist),
+            "grapples": plain(self.grapples),
+            "orbit": self.orbit,
+        }
+
+
+def drift(place: Array, v: Array, t: float, orbit: float) -> tuple[Array, Array]:
+    """Compute where a free CM is, and its velocity, relative to a point that is in orbit.
+
+    Args:
+        place: (3,) its place at time 0 [m], axes as `Target.orbit` has them.
+        v: (3,) its velocity then [m/s], inertial axes.
+        t: Time [s].
+        orbit: Orbital rate n [rad/s]; 0 for none.
+
+    Returns:
+        Place and velocity (3,) at t, along the inertial axes, which do not turn with the orbit.
+    """
+    if orbit == 0.0:
+        return place + t * v, v
+    n, s, c = orbit, math.sin(orbit * t), math.cos(orbit * t)
+    turning = np.array([0.0, 0.0, n])
+    x, dx = place, v - np.cross(turning, place)  # in the axes that turn with the orbit
+    at = np.array([[4 - 3 * c, 0, 0], [6 * (s - n * t), 1, 0], [0, 0, c]])
+    by = np.array([[s, 2 * (1 - c), 0], [-2 * (1 - c), 4 * s - 3 * n * t, 0], [0, 0, s]]) / n
+    rate_at = np.array([[3 * n * s, 0, 0], [6 * n * (c - 1), 0, 0], [0, 0, -n * s]])
+    rate_by = np.array([[c, 2 * s, 0], [-2 * s, 4 * c - 3, 0], [0, 0, c]])
+    x, dx = at @ x + by @ dx, rate_at @ x + rate_by @ dx
+    back = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    return back @ x, back @ (dx + np.cross(turning, x))

@@ -1,0 +1,639 @@
+"""Catching: when and where a tumbling target is grasped, and the motion that arrives with it.
+
+The tip is led to a stand-off on the axis of a grapple frame, which tumbles with the target, takes
+up its motion there and closes in along the axis. At contact it has the pose of the frame and, as
+J* dq = v, its twist, so that nothing strikes. The arm with the target in its hand is then braked:
+the joints come to rest along a straight line, and the whole tumbles on as one body with the
+momentum of the target.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array, finite, plain, positive
+from spacearm.collisions.obstacles import Obstacle
+from spacearm.collisions.separation import collision_check
+from spacearm.errors import (
+    ConfigurationError,
+    ImpossibleError,
+    NoSolutionError,
+    SpaceArmError,
+    UnsupportedError,
+    unknown,
+)
+from spacearm.mechanics.dynamics import (
+    generalized_velocity,
+    inverse_dynamics,
+    spacecraft_twist,
+)
+from spacearm.mechanics.target import Target
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.joints import joint_scales
+from spacearm.motion.flights import Flight, Grasp, Phase, simulate_phases
+from spacearm.motion.following import Followed, follow
+from spacearm.motion.goal import out_of_reach
+from spacearm.motion.motion import Motion, samples
+from spacearm.motion.plant import Integration, Plant
+from spacearm.planning.planner import plan
+from spacearm.planning.request import Constraints, Search
+from spacearm.planning.result import Plan
+from spacearm.planning.tracking import Tracking
+from spacearm.results import Cell, Column, Description, Measure, Result, Table
+from spacearm.signatures import checked
+from spacearm.singularities.nearest import angle
+from spacearm.singularities.sets import prove_regular, singular_set
+
+NODES = 400
+"""Poses through which the tip is led while it takes up the target's motion, and closing in."""
+PROVEN = math.radians(3.0)
+"""Distance to the singular set that is proven where there is as much [rad]."""
+SHARES = (2.0, 6.0, 20.0)
+"""Time that is given to each contact on the first, the second and the third pass [s]."""
+BEND = 0.005
+"""Distance of rows from straight lines that stand for them in the proof [rad]."""
+BRAKES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+"""Durations of the braking that are tried [s]."""
+STEPS = 60
+"""Steps in which the braking is integrated."""
+
+
+class Candidate(NamedTuple):
+    """A time and a grapple frame, and what came of it.
+
+    Attributes:
+        t: Time of contact [s].
+        grapple: The grapple frame.
+        caught: Whether a motion catches the target there.
+        story: How near to the singular set it comes, or why there is none.
+    """
+
+    t: float
+    grapple: str
+    caught: bool
+    story: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields."""
+        return self._asdict()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Braking(Motion):
+    """The motion by which an arm that holds a target brings its joints to rest.
+
+    Attributes:
+        dq: (m, n) joint rates [rad/s] or [m/s].
+        ddq: (m, n) joint accelerations [rad/s^2] or [m/s^2].
+        momentum: (m, 6) momentum of arm and target, as of `Trajectory`.
+    """
+
+    dq: Array = field(kw_only=True)
+    ddq: Array = field(kw_only=True)
+    momentum: Array = field(kw_only=True)
+
+
+@checked
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Catch(Result):
+    """How an arm catches a target, from `sa.catch`.
+
+    Time begins with the start; the target is then where it is at its time 0. The arm rests until
+    `begin`, moves as `plan` to the stand-off, then as `chase` until contact, both with their own
+    clocks, and `brake` brings the joints to rest with the target in the hand.
+
+    Attributes:
+        target: The target.
+        grapple: The grapple frame that is grasped.
+        t: Time of contact [s].
+        begin: When the arm begins to move [s].
+        plan: The motion to the stand-off, from rest to rest.
+        chase: The motion from there to contact, which ends with the twist of the frame.
+        brake: The motion of the arm with the target, from contact until its joints rest.
+        distance_proven: No singular posture is nearer to both motions than this, proven [rad].
+        place_error: Distance of the tip from the grapple frame at contact [m].
+        turn_error: Angle between them [rad].
+        twist_error: (6,) twist of the tip less that of the frame [m/s], [rad/s].
+        torque: (n,) largest torques on the way and while braking [N m] or [N].
+        momentum: (6,) momentum of arm and target together about the CM of both [kg m/s], [N m s].
+        tried: All that was tried, in that order.
+    """
+
+    target: Target
+    grapple: str
+    t: float
+    begin: float
+    plan: Plan
+    chase: Followed
+    brake: Braking
+    distance_proven: float
+    place_error: float
+    turn_error: float
+    twist_error: Array
+    torque: Array
+    momentum: Array
+    tried: tuple[Candidate, ...]
+
+    @property
+    def arm(self) -> SpaceArm:
+        """The arm, without the target."""
+        return self.plan.arm
+
+    @cached_property
+    def approach(self) -> Motion:
+        """The motion from the start to contact, as one."""
+        return joined(self.begin, self.plan, self.chase)
+
+    def fly(
+        self,
+        actual: Target | None = None,
+        *,
+        plant: Plant = Plant(),
+        integration: Integration = Integration(),
+        progress: Callable[[float, float], object] | None = None,
+    ) -> Flight:
+        """Simulate the catch: `sa.Tracking` leads the joints, the grasp is a plastic impact.
+
+        Args:
+            actual: The target as it is, where it differs from what was planned with, in mass,
+                inertia or motion: it is grasped by the tip wherever it is then.
+            plant: What else acts, as in `simulate`.
+            integration: How it is integrated.
+            progress: Called now and then as progress(t, duration).
+
+        Returns:
+            The flight: approach, closing in, braking.
+
+        Raises:
+            SpaceArmError: As `simulate_phases` raises.
+        """
+        target = actual or self.target
+        tip, held = self.chase[-1].tip, target.at(self.t)
+        R, com = tip.rotation, held.pose.act(target.com)
+        turned = R.T @ held.pose.rotation
+        grasp = Grasp(
+            mass=target.mass,
+            inertia=turned @ target.inertia @ turned.T,
+            com=R.T @ (com - tip.translation),
+            twist=np.concatenate(
+                (
+                    held.twist[:3] + np.cross(held.twist[3:], com - held.pose.translation),
+                    held.twist[3:],
+                )
+            ),
+        )
+        begun = replace(self.plan, t=self.begin + self.plan.t)
+        stages = (
+            Phase(Tracking(begun), float(begun.t[-1]), plant=plant, integration=integration),
+            Phase(Tracking(self.chase), float(self.chase.t[-1]), grasp, plant=plant,
+                  integration=integration),
+            Phase(Tracking(self.brake), float(self.brake.t[-1]), plant=plant,
+                  integration=integration),
+        )  # fmt: skip
+        return simulate_phases(self.plan[0], stages, progress=progress)
+
+    @property
+    def tumble(self) -> Array:
+        """(3,) angular velocity of arm and target once the joints rest, inertial axes [rad/s]."""
+        end = self.brake[-1].with_momentum(self.momentum)
+        return spacecraft_twist(end, np.zeros(self.arm.n))[3:]
+
+    def describe(self) -> Description:
+        """Describe when and where it catches, with what margins, and what was tried."""
+        rates = np.linalg.norm(self.twist_error[:3]), np.linalg.norm(self.twist_error[3:])
+        facts: dict[str, Cell] = {
+            "begins to move": Measure(self.begin, "s"),
+            "at the stand-off": Measure(self.begin + self.plan.t[-1], "s"),
+            "contact": Measure(self.t, "s"),
+            "joints at rest": Measure(self.t + self.brake.t[-1], "s"),
+            "singular posture, proven": f"none nearer than {angle(self.distance_proven)}",
+            "tip off the grapple frame": Measure(self.place_error, "m", ".1e"),
+            "turned off it": Measure(self.turn_error, "rad", ".1e"),
+            "relative velocity": Measure(float(rates[0]), "m/s", ".1e"),
+            "relative angular velocity": Measure(float(rates[1]), "rad/s", ".1e"),
+            "largest torques": Measure(self.torque, "N m"),
+            "angular momentum afterwards": Measure(self.momentum[3:], "N m s"),
+            "turns afterwards at": Measure(float(np.linalg.norm(self.tumble)), "rad/s"),
+        }
+        rows = [(c.t, c.grapple, "caught" if c.caught else "not", c.story) for c in self.tried]
+        columns = (Column("contact", "s"), Column("grapple frame"), Column(""), Column(""))
+        return Description(
+            title=f"{self.arm.name} and {self.target.name}",
+            verdict=f"caught by {self.grapple} after {self.t:.4g} s",
+            tone="good",
+            notes=[self.plan.checked],
+            tables=[Table.facts(facts), Table(columns, rows, "Tried")],
+            not_checked="sensors and forces of the contact itself; the turn of the stack while it "
+            "is braked against further bodies",
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain data, the motions as those of `Motion.to_dict`."""
+        return super().to_dict() | {"arm": self.arm.name, "tumble": plain(self.tumble)}
+
+
+@checked
+def catch(
+    start: Configuration,
+    target: Target,
+    grapple: str | None = None,
+    *,
+    window: Sequence[float] = (0.0, 60.0),
+    approach: float = 0.2,
+    closing: float = 0.05,
+    touching: Sequence[str] | None = None,
+    wanted: int = 3,
+    constraints: Constraints = Constraints(),
+    search: Search = Search(),
+) -> Catch:
+    """Find when and by which grapple frame a free-floating arm catches a tumbling target, and how.
+
+    Contacts throughout the window are tried, those in reach whose open side faces the arm first.
+    Of the first that succeed that one is returned whose way keeps farthest from the singular set,
+    proven. The arm starts at rest and without momentum.
+
+    Args:
+        start: The arm at time 0. Poses of the target are in the inertial frame of its base.
+        target: The target.
+        grapple: Name of the grapple frame; any of them if None.
+        window: Earliest and latest contact [s].
+        approach: Distance of the stand-off, from which the tip closes in along the z axis of the
+            grapple frame [m].
+        closing: Mean speed at which it closes in [m/s].
+        touching: Links of the arm that may touch the target; if None those that move as the tip.
+        wanted: How many catches are found before the best is taken.
+        constraints: What must hold on the way, as for `plan`. Rates and torques are those of the
+            description, unless rates are given.
+        search: How to look; `timeout` is that of the whole search [s].
+
+    Returns:
+        The catch.
+
+    Raises:
+        ConfigurationError: An argument does not make sense.
+        UnsupportedError: The start has momentum, the arm several tips, or its task is no pose.
+        NoSolutionError: Nothing tried catches the target; says why, for each time and frame.
+
+    Example:
+        >>> import spacearm as sa
+        >>> start = sa.load("chaser7").at([0, 0.6, 0, 1.2, 0, 0.8, 0])
+        >>> ring = sa.pose((0, 0, -0.5))  # in the frame of the target, z into it
+        >>> place = start.tip * sa.pose((0.1, 0, 0.8))
+        >>> debris = sa.Target(
+        ...     sa.Bus(60, size=(0.8, 0.8, 1), name="debris"),
+        ...     place,
+        ...     twist=(0, 0.002, 0, 0.02, 0.03, 0.02),
+        ...     grapples={"ring": ring},
+        ... )
+        >>> catch = sa.catch(start, debris, window=(10, 10))
+        >>> bool(catch.place_error < 1e-6 and abs(catch.twist_error).max() < 1e-5)
+        True
+    """
+    request = _Request.of(start, target, grapple, window, approach, closing, touching, constraints)
+    begun = time.monotonic()
+    ends = begun + search.timeout
+    tried, found, waiting = (
+        dict[tuple[float, str], Candidate](),
+        list[Catch](),
+        request.candidates(),
+    )
+    for number, share in enumerate(SHARES):
+        again = list[tuple[float, str]]()
+        for t, name in waiting:
+            left = ends - time.monotonic()
+            if len(found) >= wanted or left <= 0.0:
+                break
+            if search.progress:
+                search.progress(time.monotonic() - begun, search.timeout)
+            look = replace(
+                search, seed=search.seed + number, timeout=min(share, left), progress=None
+            )
+            try:
+                one = request.attempt(t, name, look)
+            except ImpossibleError as error:
+                tried[t, name] = Candidate(t, name, False, str(error))
+            except SpaceArmError as error:
+                tried[t, name] = Candidate(t, name, False, str(error))
+                again.append((t, name))
+            else:
+                if not found:  # as long again, at most
+                    ends = min(ends, 2.0 * time.monotonic() - begun + 1.0)
+                found.append(one)
+                story = f"no singular posture nearer than {angle(one.distance_proven)}, proven"
+                tried[t, name] = Candidate(t, name, True, story)
+        waiting = again
+    if not found:
+        stories = "; ".join(
+            f"{c.t:.4g} s, {c.grapple}: {c.story}" for c in list(tried.values())[:3]
+        )
+        raise NoSolutionError(
+            f"{start.arm.name} does not catch {target.name} in the window of {window[0]:.4g} to "
+            f"{window[1]:.4g} s: {stories or 'no time was left'}; widen the window, start nearer, "
+            "or name another grapple frame",
+            tuple(tried.values()),
+        )
+    best = max(found, key=lambda one: one.distance_proven)
+    return replace(best, tried=tuple(tried.values()))
+
+
+@dataclass(frozen=True, eq=False)
+class _Request:
+    """What is asked for, checked; see `catch`."""
+
+    start: Configuration
+    target: Target
+    grapples: tuple[str, ...]
+    window: tuple[float, float]
+    approach: float
+    closing: float
+    touching: tuple[str, ...]
+    constraints: Constraints
+
+    @classmethod
+    def of(
+        cls,
+        start: Configuration,
+        target: Target,
+        grapple: str | None,
+        window: Sequence[float],
+        approach: float,
+        closing: float,
+        touching: Sequence[str] | None,
+        constraints: Constraints,
+    ) -> _Request:
+        """Check what was given."""
+        arm = start.arm
+        if not isinstance(target, Target):
+            raise ConfigurationError(f"target is a {type(target).__name__}; give a sa.Target")
+        if start.momentum.any() or start.wheels.any():
+            raise UnsupportedError(
+                "the start has momentum on board, and catches begin at zero momentum; "
+                "sa.detumble brings the spacecraft to rest before"
+            )
+        if len(arm.tips) > 1 or arm.task.k < 6:
+            raise UnsupportedError(
+                f"{arm.name} has the task {arm.task.names!r} of {len(arm.tips)} tip(s); a target "
+                "is caught by the pose of one: sa.load(..., task='pose')"
+            )
+        if not target.grapples:
+            raise ConfigurationError(
+                f"{target.name} has no grapple frame; give sa.Target(..., grapples={{name: pose}})"
+            )
+        if grapple is not None and grapple not in target.grapples:
+            raise ConfigurationError(unknown(f"grapple of {target.name}", grapple, target.grapples))
+        early, late = finite(window, (2,), "window", "[s], the earliest and the latest contact")
+        if not 0.0 <= early <= late:
+            raise ConfigurationError(f"window is {window!r}; give two growing times from 0 s on")
+        if touching is None:
+            touching = arm.tree.lumps[arm.tree.body_of[arm.tip]]
+        for link in touching:
+            if link not in arm.tree.links:
+                raise ConfigurationError(unknown(f"link of {arm.name}", link, arm.tree.links))
+        return cls(
+            start, target, tuple(target.grapples) if grapple is None else (grapple,),
+            (float(early), float(late)), positive(approach, "approach", "distance [m]"),
+            positive(closing, "closing", "speed [m/s]"), tuple(touching), constraints,
+        )  # fmt: skip
+
+    @property
+    def duration(self) -> tuple[float, float]:
+        """How long the tip takes up the target's motion, and how long it closes in [s]."""
+        close = self.approach / self.closing
+        return close, close
+
+    def candidates(self) -> list[tuple[float, str]]:
+        """Return times and grapple frames: those in reach first, whose open side faces the arm."""
+        early, late = self.window
+        early = max(early, sum(self.duration) + 1.0)
+        times = np.linspace(early, late, 13) if late > early else np.array([late])
+        near = []
+        for t in times if late >= early else ():
+            for name in self.grapples:
+                pose = self.target.at(float(t), name).pose
+                off = float(np.linalg.norm(pose.translation - self.start.com))
+                blocked = pose.act(np.array([0.0, 0.0, -1.0])) - pose.translation
+                facing = blocked @ (self.start.com - pose.translation) / max(off, 1e-9)
+                near.append((bool(out_of_reach(self.start, pose)), -facing, float(t), name))
+        return [(t, name) for _, _, t, name in sorted(near)]
+
+    def path(self, t: float, grapple: str) -> tuple[list[pin.SE3], Array]:
+        """Return the poses of the tip from the stand-off to contact at t, and their times [s].
+
+        The first is the stand-off at the beginning, at rest; the tip then takes up the motion of
+        the stand-off, and closes in. All rates begin and end at zero relative to both.
+        """
+        join, close = self.duration
+        clock = np.linspace(0.0, join + close, 2 * NODES + 1)
+        begin = t - clock[-1]
+        joined = smooth_step(clock / join)
+        away = self.approach * (1.0 - smooth_step((clock - join) / close))
+        frames = [self.target.at(begin + float(s), grapple).pose for s in clock]
+        frames = [
+            pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, -d]))
+            for pose, d in zip(frames, away, strict=True)
+        ]
+        first = frames[0]
+        return [_between(first, pose, b) for pose, b in zip(frames, joined, strict=True)], clock
+
+    def attempt(self, t: float, grapple: str, search: Search) -> Catch:
+        """Return the catch at a time by a grapple frame.
+
+        Raises:
+            SpaceArmError: There is none, or none was found.
+        """
+        poses, clock = self.path(t, grapple)
+        target = self.target
+        if why := out_of_reach(self.start, poses[-1]):
+            raise ImpossibleError(why)
+        reach = plan(self.start, poses[0], constraints=self.constraints, search=search)
+        begin = t - clock[-1] - float(reach.t[-1])
+        if begin < 0.0:
+            raise NoSolutionError(f"the way to the stand-off takes {-begin:.3g} s too long")
+        chase = follow(
+            reach[-1], poses[1:], times=clock[1:], at_rest=False, limits=self.constraints.limits
+        )
+        if not chase.arrived:
+            raise NoSolutionError(f"on the way from the stand-off: {chase.reason}")
+        self._check_rates(chase)
+        way = joined(begin, reach, chase)
+        self._check_contacts(way)
+        proven = _proven(reach, chase)
+        end, frame = chase[-1], target.at(t, grapple)
+        v = generalized_velocity(end, chase.dq[-1])
+        held = self._holding(grapple, end, v)
+        brake, strain = self._brake(held, chase.dq[-1])
+        torque = np.maximum(_torques(chase, chase.dq, chase.ddq, np.zeros(6)), strain)
+        self._check_torques(torque)
+        off = end.tip.actInv(frame.pose)
+        return Catch(
+            target=target,
+            grapple=grapple,
+            t=t,
+            begin=begin,
+            plan=reach,
+            chase=chase,
+            brake=brake,
+            distance_proven=proven,
+            place_error=float(np.linalg.norm(off.translation)),
+            turn_error=float(np.linalg.norm(pin.log3(off.rotation))),
+            twist_error=end.J @ v - frame.twist,
+            torque=torque,
+            momentum=held.momentum,
+            tried=(),
+        )
+
+    def _holding(self, grapple: str, end: Configuration, v: Array) -> Configuration:
+        """Return the arm with the target in its hand at contact, with the momentum of both."""
+        target, frame = self.target, self.target.frame(grapple)
+        R = frame.rotation.T
+        com = R @ (target.com - frame.translation)
+        arm = end.arm.grasp(target.mass, R @ target.inertia @ R.T, com)
+        held = arm.at(end.q, base=end.base)
+        return held.with_momentum(held.A @ v)
+
+    def _check_rates(self, motion: Motion) -> None:
+        most = self.constraints.joint_rates(self.start.arm)
+        excess = np.abs(motion.dq).max(axis=0) / most
+        if (j := int(excess.argmax())) >= 0 and excess[j] > 1.0:
+            name = self.start.arm.joint_names[j]
+            raise NoSolutionError(f"joint {name!r} would need {excess[j]:.3g} times its rate")
+
+    def _check_torques(self, torque: Array) -> None:
+        arm = self.start.arm
+        most = np.array([arm.tree.joints[name].effort for name in arm.joint_names])
+        excess = torque / most
+        if (j := int(excess.argmax())) >= 0 and excess[j] > 1.0:
+            raise NoSolutionError(
+                f"joint {arm.joint_names[j]!r} would need {excess[j]:.3g} times its torque"
+            )
+
+    def _check_contacts(self, motion: Motion) -> None:
+        if not self.constraints.collisions:
+            return
+        own = Obstacle.of_target(self.target, may_touch=self.touching)
+        contact = collision_check(motion, obstacles=own).contact
+        if contact is not None:
+            raise NoSolutionError(f"{' and '.join(contact.links)} meet after {contact.t:.4g} s")
+
+    def _brake(self, held: Configuration, dq: Array) -> tuple[Braking, Array]:
+        """Return the first braking that keeps limits and torques, and its largest torques (n,)."""
+        arm, momentum, why = held.arm, held.momentum, ""
+        most = np.array([arm.tree.joints[name].effort for name in arm.joint_names])
+        for duration in BRAKES:
+            s = np.linspace(0.0, 1.0, STEPS + 1)
+            q = held.q + np.outer(duration * (s - s**3 + 0.5 * s**4), dq)
+            if self.constraints.limits and ((q[-1] < arm.lower) | (q[-1] > arm.upper)).any():
+                why = f"braking in {duration:g} s leads beyond the joint limits"
+                break
+            rates, ddq = np.outer(1 - 3 * s**2 + 2 * s**3, dq), np.outer(6 * (s**2 - s), dq)
+            ddq /= duration
+            motion = _drifting(held, momentum, duration * s, q, rates, ddq)
+            torque = _torques(motion, rates, ddq, momentum)
+            proof = prove_regular(arm, q[[0, -1]])
+            if proof is not None and not proof.free:
+                why = f"braking in {duration:g} s leads through a singular posture"
+                break
+            if (torque <= most).all():
+                return motion, torque
+            why = f"braking in {duration:g} s takes {(torque / most).max():.3g} times the torque"
+        raise NoSolutionError(f"with {self.target.name} in the hand, {why}")
+
+
+def smooth_step(s: Array) -> Array:
+    """Return 0 up to s = 0, 1 from s = 1 on, and 10 s^3 - 15 s^4 + 6 s^5 between."""
+    s = np.clip(s, 0.0, 1.0)
+    return np.asarray(s**3 * (10.0 + s * (6.0 * s - 15.0)))
+
+
+def _between(a: pin.SE3, b: pin.SE3, s: float) -> pin.SE3:
+    """Return a pose between two: the straight line of its origin, the shortest turn."""
+    R = a.rotation @ pin.exp3(s * pin.log3(a.rotation.T @ b.rotation))
+    return pin.SE3(R, (1.0 - s) * a.translation + s * b.translation)
+
+
+def joined(begin: float, reach: Motion, chase: Motion) -> Motion:
+    """Return a wait until `begin` [s] and two motions, one after the other, as one."""
+    t = np.concatenate((begin + reach.t, begin + reach.t[-1] + chase.t[1:]))
+    q = np.concatenate((reach.q, chase.q[1:]))
+    base = np.concatenate((reach.base, chase.base[1:]))
+    if begin > 0.0:
+        t, q, base = np.append(0.0, t), np.vstack((q[:1], q)), np.vstack((base[:1], base))
+    return Motion(reach.arm, t, q, base)
+
+
+def _proven(*motions: Motion) -> float:
+    """Return the distance [rad] of motions within which no posture is singular, proven.
+
+    Raises:
+        NoSolutionError: It is not proven that they meet no singularity.
+    """
+    arm = motions[0].arm
+    singular, unit = singular_set(arm), joint_scales(arm)
+    least = PROVEN
+    for motion in motions:
+        rows = _chords(motion.q / unit, BEND) * unit
+        least = min(least, singular.clearance(rows, at_least=least + BEND).clearance - BEND)
+        if least <= 0.0:
+            raise NoSolutionError("it is not proven that the way meets no singularity")
+    return least
+
+
+def _chords(q: Array, within: float) -> Array:
+    """Return some of the rows (m, n) whose straight lines all the others are near to."""
+    kept, last = [0], 1
+    while kept[-1] < len(q) - 1:
+        first = kept[-1]
+        while last < len(q) - 1 and _sag(q[first : last + 2]) <= within:
+            last += 1
+        kept.append(last)
+        last += 1
+    return q[kept]
+
+
+def _sag(q: Array) -> float:
+    """Return how far rows (m, n) are from the straight line from the first to the last."""
+    chord, inner = q[-1] - q[0], q[1:-1] - q[0]
+    share = np.clip(inner @ chord / max(float(chord @ chord), 1e-300), 0.0, 1.0)
+    return float(np.linalg.norm(inner - share[:, None] * chord, axis=1).max(initial=0.0))
+
+
+def _drifting(
+    start: Configuration, momentum: Array, t: Array, q: Array, dq: Array, ddq: Array
+) -> Braking:
+    """Return the motion of the spacecraft with momentum while the joints move as given."""
+    arm, com = start.arm, start.com
+    rows = [start]
+    velocity = momentum[:3] / arm.mass
+    for i in range(1, len(t)):
+        h = t[i] - t[i - 1]
+        before = rows[-1]
+        w = spacecraft_twist(before, dq[i - 1])[3:]
+        middle = arm.at(
+            0.5 * (q[i] + q[i - 1]),
+            base=pin.SE3(pin.exp3(0.5 * h * w) @ before.base.rotation, before.base.translation),
+            momentum=momentum,
+        )
+        w = spacecraft_twist(middle, 0.5 * (dq[i] + dq[i - 1]))[3:]
+        turned = pin.SE3(pin.exp3(h * w) @ before.base.rotation, np.zeros(3))
+        there = arm.at(q[i], base=turned)
+        turned.translation = com + t[i] * velocity - there.com
+        rows.append(arm.at(q[i], base=turned, momentum=momentum))
+    kept = np.tile(momentum, (len(t), 1))
+    return Braking(arm, t, **samples(rows), dq=dq, ddq=ddq, momentum=kept)
+
+
+def _torques(motion: Motion, dq: Array, ddq: Array, momentum: Array) -> Array:
+    """Return the largest torques (n,) of a motion [N m] or [N]."""
+    rows = np.unique(np.linspace(0, len(motion) - 1, STEPS).astype(int))
+    taus = [
+        inverse_dynamics(motion[int(i)].with_momentum(momentum), dq[i], ddq[i]).tau for i in rows
+    ]
+    return np.abs(taus).max(axis=0)

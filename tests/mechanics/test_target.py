@@ -1,0 +1,247 @@
+"""Targets: rotation against DOP853 and conservation laws, drift in orbit against the tide."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+import spacearm as sa
+from spacearm.mechanics.free_rotation import FreeRotation, elliptic
+from spacearm.mechanics.target import drift
+
+HOUR = 3600.0
+BODY = np.array([10.0, 20.0, 25.0])
+
+
+def integrated(inertia, attitude, w, t):
+    """Attitude and angular velocity (inertial axes) by Euler's equations and DOP853."""
+
+    def rates(_, y):
+        w, v, s = y[:3], y[3:6], y[6]
+        dq = 0.5 * np.concatenate((s * w + np.cross(v, w), [-v @ w]))
+        return np.concatenate((np.linalg.solve(inertia, -np.cross(w, inertia @ w)), dq))
+
+    start = np.concatenate((attitude.T @ w, Rotation.from_matrix(attitude).as_quat()))
+    end = solve_ivp(rates, (0.0, t), start, method="DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
+    R = Rotation.from_quat(end[3:]).as_matrix()
+    return R, R @ end[:3]
+
+
+def angle(A, B):
+    """Angle between two attitudes [rad]."""
+    return np.linalg.norm(Rotation.from_matrix(A.T @ B).as_rotvec())
+
+
+def turned(moments, seed):
+    """Inertia with these principal moments about random axes, those axes, a random attitude."""
+    axes, attitude = Rotation.random(2, random_state=seed).as_matrix()
+    inertia = axes @ np.diag(moments) @ axes.T
+    return (inertia + inertia.T) / 2.0, axes, attitude
+
+
+@pytest.mark.parametrize(
+    ("moments", "w"),
+    [
+        (BODY, [0.03, 0.05, 0.02]),
+        (BODY, [0.02, 0.01, 0.06]),
+        (BODY, [0.0, 0.0, 0.05]),  # pure spins
+        (BODY, [0.05, 0.0, 0.0]),
+        (BODY, [1e-9, 0.0, 0.05]),  # nearly
+        (BODY, [0.05, 1e-7, 0.0]),
+        ([10.0, 20.0, 20.0], [0.03, 0.02, 0.03]),  # bodies with an axis of symmetry
+        ([10.0, 20.0, 20.0], [0.0, 0.05, 0.0]),
+        ([20.0, 20.0, 30.0], [0.03, 0.02, 0.03]),
+        ([20.0, 20.0, 30.0], [0.0, 0.05, 1e-9]),
+        ([10.0, 20.0, 20.0 * (1 + 1e-12)], [1e-9, 0.05, 0.02]),  # nearly
+        ([20.0, 20.0 * (1 + 1e-9), 30.0], [0.0, 0.05, 1e-6]),
+        ([20.0, 20.0, 20.0], [0.03, 0.02, 0.03]),  # balls
+        ([20.0, 20.0 + 1e-13, 20.0 + 3e-13], [0.03, 0.02, 0.03]),
+    ],
+)
+def test_an_hour_of_tumbling_is_that_of_the_integrated_equations_of_euler(moments, w):
+    """Agreement to 1e-11 rad after an hour: half of it is the integration's own error."""
+    inertia, axes, attitude = turned(np.array(moments), 5)
+    start = attitude @ axes @ w
+    R, rate = FreeRotation(inertia, attitude, start).at(HOUR)
+    R_i, rate_i = integrated(inertia, attitude, start, HOUR)
+    assert angle(R, R_i) < 1e-11
+    np.testing.assert_allclose(rate, rate_i, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-12, 1e-9, 1e-6, 1e-3])
+def test_motions_near_the_spin_about_the_middle_axis(off):
+    """As long as the departure, which grows as exp(lambda t), has not spread the rounding."""
+    inertia, axes, attitude = turned(BODY, 3)
+    w = attitude @ axes @ np.array([off, 0.05, off])
+    R, rate = FreeRotation(inertia, attitude, w).at(60.0)
+    R_i, rate_i = integrated(inertia, attitude, w, 60.0)
+    assert angle(R, R_i) < 1e-12
+    np.testing.assert_allclose(rate, rate_i, rtol=0, atol=1e-14)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=50)
+def test_momentum_and_energy_stay_and_the_start_is_the_start(seed):
+    """Momentum along inertial axes and energy at any time; the attitude at 0; R' = [w]x R."""
+    rng = np.random.default_rng(seed)
+    a, b, c = rng.uniform(0.01, 1.0, 3)
+    inertia, _, attitude = turned(np.array([a + b, a + c, b + c]), seed)
+    w = rng.normal(size=3) * 10 ** rng.uniform(-3, 0)
+    free = FreeRotation(inertia, attitude, w)
+    t = rng.uniform(-HOUR, HOUR, 20)
+    R, rates = free.at(t)
+    I = R @ inertia @ np.swapaxes(R, -1, -2)
+    l = np.einsum("mij,mj->mi", I, rates)
+    l0 = attitude @ inertia @ attitude.T @ w
+    np.testing.assert_allclose(l, np.tile(l0, (20, 1)), rtol=0, atol=1e-12 * np.linalg.norm(l0))
+    np.testing.assert_allclose((l * rates).sum(axis=1), l0 @ w, rtol=1e-12, atol=0)
+    np.testing.assert_allclose(free.at(0.0)[0], attitude, rtol=0, atol=1e-13)
+    assert (np.linalg.norm(rates, axis=1) <= free.fastest * (1 + 1e-12)).all()
+    h = 1e-3 / np.linalg.norm(w)
+    step = Rotation.from_matrix(free.at(t[0] + h)[0] @ free.at(t[0] - h)[0].T).as_rotvec()
+    np.testing.assert_allclose(step / (2 * h), rates[0], rtol=0, atol=1e-5 * np.linalg.norm(w))
+
+
+@pytest.mark.parametrize("m1", [1.0, 0.5, 1e-3, 1e-9, 1e-15, 1e-25, 1e-40])
+def test_elliptic_functions_to_forty_digits(m1):
+    """Against mpmath, where 1 - m is below what m can hold, too."""
+    mp = pytest.importorskip("mpmath")
+    with mp.workdps(60):
+        m = 1 - mp.mpf(m1)
+        for u in np.linspace(-1.0, 1.0, 9) * float(mp.ellipk(m)):
+            wanted = [float(mp.ellipfun(name, u, m=m)) for name in ("sn", "cn", "dn")]
+            np.testing.assert_allclose(elliptic(np.array(u), m1), wanted, rtol=0, atol=5e-15)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=20)
+def test_drift_in_orbit_is_that_of_the_tide_in_inertial_axes(seed):
+    """r'' = -n^2 (r - 3 u (u.r)), u the radial direction, which turns with the orbit."""
+    rng = np.random.default_rng(seed)
+    n, t = rng.uniform(1e-4, 2e-3), rng.uniform(10.0, 5000.0)
+    r, v = rng.normal(size=3) * 5.0, rng.normal(size=3) * 0.01
+
+    def rates(s, y):
+        u = np.array([np.cos(n * s), np.sin(n * s), 0.0])
+        return np.concatenate((y[3:], -(n**2) * (y[:3] - 3 * u * (u @ y[:3]))))
+
+    end = solve_ivp(rates, (0, t), [*r, *v], method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+    place, speed = drift(r, v, t, n)
+    size = np.linalg.norm(end[:3])
+    np.testing.assert_allclose(place, end[:3], rtol=0, atol=1e-10 * size)
+    np.testing.assert_allclose(speed, end[3:], rtol=0, atol=1e-10 * n * size + 1e-13)
+
+
+def test_five_metres_of_radial_offset_give_three_centimetres_in_a_minute():
+    """Theory, section 10: at rest in the axes that turn with a low orbit."""
+    n = 0.00113
+    r = np.array([5.0, 0.0, 0.0])
+    place, _ = drift(r, np.cross([0.0, 0.0, n], r), 60.0, n)
+    c, s = np.cos(n * 60.0), np.sin(n * 60.0)
+    radial = c * place[0] + s * place[1] - 5.0
+    assert radial == pytest.approx(1.5 * n**2 * 5.0 * 60.0**2, rel=1e-2)
+
+
+def debris(**changes) -> sa.Target:
+    """A box with its CM off its frame, tumbling, with a grapple frame."""
+    values = {
+        "twist": (0.0, 0.01, -0.005, 0.01, 0.02, 0.05),
+        "grapples": {"ring": sa.pose((0, 0, -1), (0.1, 0.2, 0.3))},
+    }
+    bus = sa.Bus(90, size=(1, 1, 2), com=(0.1, 0.0, 0.2), name="debris")
+    return sa.Target(bus, sa.pose((2.5, 0.4, 0), (0.3, 0, 1)), **(values | changes))
+
+
+@pytest.mark.parametrize("orbit", [0.0, 0.0011])
+@pytest.mark.parametrize("frame", [None, "ring"])
+def test_twists_are_the_derivatives_of_poses(frame, orbit):
+    """Central differences of frames, off the CM, in orbit too; the CM moves freely."""
+    target, h = debris(orbit=orbit), 1e-3
+    np.testing.assert_allclose(target.at(0.0).twist, target.twist, rtol=0, atol=1e-14)
+    for t in (0.0, 70.0, 2000.0):
+        before, now, after = (target.at(t + s, frame) for s in (-h, 0.0, h))
+        v = (after.pose.translation - before.pose.translation) / (2 * h)
+        w = pin.log3(after.pose.rotation @ before.pose.rotation.T) / (2 * h)
+        np.testing.assert_allclose(now.twist, np.concatenate((v, w)), rtol=0, atol=1e-9)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=30)
+def test_no_point_moves_farther_than_the_bound(seed):
+    """`Target.moved` bounds the way of any point between two times."""
+    rng = np.random.default_rng(seed)
+    target = debris(orbit=rng.choice([0.0, 0.0011]), twist=rng.normal(size=6) * 0.1)
+    point = rng.normal(size=3)
+    t0, t1 = np.sort(rng.uniform(0.0, 300.0, 2))
+    way = np.linalg.norm(target.at(t1).pose.act(point) - target.at(t0).pose.act(point))
+    assert way <= target.moved(float(np.linalg.norm(point)), t0, t1) * (1 + 1e-12)
+
+
+def test_a_target_of_several_links_is_one_body_with_its_marks_as_grapples(tmp_path):
+    """Masses add up about the common CM; a link without mass is a grapple frame."""
+    file = tmp_path / "debris.urdf"
+    file.write_text(
+        """<robot name="debris">
+        <link name="tank"><inertial><mass value="60"/><inertia ixx="9" iyy="9" izz="4" ixy="0"
+          ixz="0" iyz="0"/></inertial><collision><geometry><cylinder radius="0.4" length="1.2"/>
+          </geometry></collision></link>
+        <link name="panel"><inertial><mass value="20"/><inertia ixx="1" iyy="1" izz="2" ixy="0"
+          ixz="0" iyz="0"/></inertial><visual><geometry><box size="1 1 0.02"/></geometry></visual>
+          </link>
+        <link name="ring"/>
+        <joint name="a" type="fixed"><parent link="tank"/><child link="panel"/>
+          <origin xyz="1 0 0"/></joint>
+        <joint name="b" type="fixed"><parent link="tank"/><child link="ring"/>
+          <origin xyz="0 0 -0.6"/></joint></robot>"""
+    )
+    target = sa.Target(file, twist=(0, 0, 0, 0, 0, 0.1))
+    assert target.name == "debris"
+    assert target.mass == pytest.approx(80.0)
+    np.testing.assert_allclose(target.com, [0.25, 0, 0], atol=1e-15)
+    reduced = 60.0 * 20.0 / 80.0
+    np.testing.assert_allclose(
+        target.inertia, np.diag([10.0, 10.0 + reduced, 6.0 + reduced]), atol=1e-12
+    )
+    assert list(target.grapples) == ["ring"]
+    assert [part.link for part in sa.Obstacle.of_target(target).parts] == ["tank", "panel"]
+
+
+def test_a_motion_meets_a_target_on_its_way_and_not_one_far_off():
+    """A check of collisions finds a tumbling target on the way, not one far off."""
+    arm = sa.load("servicer_ur5")
+    start = arm.at(np.array([0.0, -1.2, 1.2, 0.0, 0.5, 0.0]))
+    motion = sa.simulate(start, sa.JointPD(start.q + 0.3, kp=60.0, kd=60.0), duration=20.0)
+    path = motion.tip[:, :3]
+    hit = debris(twist=(0, 0, 0, 0, 0, 0.05)).replace(pose=sa.pose(path[-1]))
+    far = hit.replace(pose=sa.pose(path[-1] + [0.0, 0.0, 6.0]))
+    assert sa.collision_check(motion, obstacles=hit).contact is not None
+    assert sa.collision_check(motion, obstacles=far).contact is None
+
+
+@pytest.mark.parametrize(
+    ("make", "names"),
+    [
+        (lambda: debris(orbit=-1.0), "orbit"),
+        (lambda: debris(orbit="low"), "orbit"),
+        (lambda: debris(twist=(1, 2, 3)), "twist"),
+        (lambda: debris(grapples=["ring"]), "grapples"),
+        (lambda: debris(grapples={"ring": 3.0}), "ring"),
+        (lambda: debris().at(np.nan), "t is"),
+        (lambda: debris().at(0.0, "rings"), "ring"),
+        (lambda: sa.Target(3.0), "body"),
+        (lambda: sa.Obstacle.of_target("debris"), "Target"),
+    ],
+)
+def test_mistakes_are_named(make, names):
+    """Each error names the argument."""
+    with pytest.raises((sa.ConfigurationError, sa.ModelError), match=names):
+        make()
+
+
+def test_a_body_with_joints_is_no_target():
+    """The error names joints and the remedy."""
+    with pytest.raises(sa.ModelError, match=r"joints that move.*Obstacle\.robot"):
+        sa.Target(sa.load("planar2").path)

@@ -1,0 +1,141 @@
+"""Catches: contact without impact, momentum by parts, limits kept, and clear reasons why not."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import spacearm as sa
+
+START = np.array([0.0, 0.6, 0.0, 1.2, 0.0, 0.8, 0.0])
+RING = sa.pose((0, 0, -0.45))
+
+
+def tumbling(cfg, w=(0.02, 0.03, 0.02), off=(0.1, 0.1, 0.35), mass=60.0, **changes) -> sa.Target:
+    """A box whose grapple frame is before the hand at time 0, and turns with w."""
+    ring = cfg.tip * sa.pose(off, (0.2, 0.1, 0.0))
+    values = {"twist": (0.0, 0.002, 0.0, *w), "grapples": {"ring": RING}}
+    bus = sa.Bus(mass, size=(0.6, 0.6, 0.8), com=(0.02, 0.0, 0.05), name="debris")
+    return sa.Target(bus, ring * RING.inverse(), **(values | changes))
+
+
+@pytest.fixture(scope="module")
+def caught() -> sa.Catch:
+    """A catch of a target that tumbles at 2.4 deg/s."""
+    start = sa.load("chaser7").at(START)
+    return sa.catch(start, tumbling(start), window=(10, 30), wanted=1)
+
+
+def test_at_contact_the_tip_has_pose_and_twist_of_the_frame(caught):
+    """By J* of Pinocchio's momentum matrices; the twist of the frame by differences of its pose."""
+    end, dq = caught.chase[-1], caught.chase.dq[-1]
+    before, frame, after = (caught.target.at(caught.t + h, "ring").pose for h in (-1e-3, 0, 1e-3))
+    assert np.linalg.norm(pin.log6(end.tip.actInv(frame)).vector) < 1e-7
+    v = (after.translation - before.translation) / 2e-3
+    w = pin.log3(after.rotation @ before.rotation.T) / 2e-3
+    twist = sa.generalized_jacobian(end) @ dq
+    np.testing.assert_allclose(twist, np.concatenate((v, w)), rtol=0, atol=2e-6)
+    assert caught.place_error < 1e-7
+    assert np.abs(caught.twist_error).max() < 2e-6
+
+
+def test_the_way_is_one_from_the_start_to_contact(caught):
+    """No jump where its parts meet, and the rates of the joints are kept."""
+    way = caught.approach
+    assert way.t[0] == 0.0
+    assert way.t[-1] == pytest.approx(caught.t, abs=1e-9)
+    np.testing.assert_array_equal(way.q[0], START)
+    np.testing.assert_allclose(caught.plan.q[-1], caught.chase.q[0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(caught.plan.base[-1], caught.chase.base[0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(caught.chase.dq[0], np.zeros(7), rtol=0, atol=1e-5)
+    most = [way.arm.tree.joints[name].velocity for name in way.arm.joint_names]
+    assert (np.abs(caught.chase.dq) <= most).all()
+
+
+def test_the_distance_proven_is_no_more_than_what_a_search_finds(caught):
+    """No posture nearer to the way than proven is found by the search of singular postures."""
+    found = sa.singular_set(caught.arm)
+    for q in caught.approach.q[:: len(caught.approach) // 8]:
+        assert found.nearest(q).distance >= caught.distance_proven
+
+
+def test_in_flight_nothing_strikes_and_the_momentum_is_that_of_the_target(caught):
+    """Simulated: no energy is lost, momentum of parts stays through contact, the joints rest."""
+    flight, target = caught.fly(), caught.target
+    assert [run.ended for run in flight.phases] == ["duration"] * 3
+    moving = 0.5 * target.mass * float(target.cm[1] @ target.cm[1])
+    w = target.at(caught.t)
+    I = w.pose.rotation @ target.inertia @ w.pose.rotation.T
+    moving += 0.5 * float(w.twist[3:] @ I @ w.twist[3:])
+    assert 0.0 <= flight.captures[0].energy_lost < 1e-6 * moving
+    # the arm had none; that of the target about the common CM
+    com, v = w.pose.act(target.com), target.cm[1]
+    held = flight.phases[2][0]
+    angular = I @ w.twist[3:] + np.cross(com - held.com, target.mass * v)
+    momentum = np.concatenate((target.mass * v, angular))
+    size = np.linalg.norm(momentum)
+    for row in (0, -1):
+        found = flight.phases[2].momentum[row]
+        np.testing.assert_allclose(found, momentum, rtol=0, atol=1e-9 * size)
+    np.testing.assert_allclose(caught.momentum, momentum, rtol=0, atol=1e-4 * size)
+    assert np.abs(flight.phases[2].dq[-1]).max() < 1e-6
+    np.testing.assert_allclose(flight.phases[2].q[-1], caught.brake.q[-1], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(flight.phases[2].base[-1], caught.brake.base[-1], rtol=0, atol=1e-5)
+    end = flight.phases[2]
+    largest = max(np.abs(run.torque).max() for run in flight.phases[1:])
+    assert largest <= caught.torque.max() * 1.2
+    spin = sa.base_velocity(end[-1].with_momentum(end.momentum[-1]), np.zeros(7))[3:]
+    np.testing.assert_allclose(spin, caught.tumble, rtol=0, atol=1e-3 * np.linalg.norm(spin))
+
+
+def test_a_target_heavier_than_planned_is_caught_with_its_own_momentum(caught):
+    """The plastic impact of the grasp takes the actual body; energy is lost, none is won."""
+    start = caught.plan[0]
+    actual = tumbling(start, mass=72.0, w=(0.022, 0.03, 0.02))
+    flight = caught.fly(actual)
+    assert flight.captures[0].energy_lost > 0.0
+    assert flight.phases[2][0].arm.mass == pytest.approx(start.arm.mass + 72.0)
+
+
+def test_nothing_in_reach_is_said_for_each_contact():
+    """A target that is far off: impossible, and each time and frame says why."""
+    start = sa.load("chaser7").at(START)
+    far = tumbling(start, off=(0.0, 0.0, 30.0))
+    with pytest.raises(sa.NoSolutionError, match=r"comes no farther.*widen the window") as caught:
+        sa.catch(start, far, window=(10, 20))
+    assert {one.grapple for one in caught.value.best} == {"ring"}
+    assert all("comes no farther" in one.story for one in caught.value.best)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda s, t: sa.catch(s, t, "rings"), "ring"),
+        (lambda s, t: sa.catch(s, t.replace(grapples={})), "grapple frame"),
+        (lambda s, t: sa.catch(s, t, window=(5, 2)), "window"),
+        (lambda s, t: sa.catch(s, t, window=3), "window"),
+        (lambda s, t: sa.catch(s, t, approach=-1.0), "approach"),
+        (lambda s, t: sa.catch(s, t, closing=0.0), "closing"),
+        (lambda s, t: sa.catch(s, t, touching=["palm"]), "palm"),
+        (lambda s, t: sa.catch(s.with_momentum([0, 0, 0, 0, 0, 1]), t), "momentum"),
+        (lambda _, t: sa.catch(sa.load("planar2").at([0.3, 1.2]), t), "pose"),
+        (lambda s, _: sa.catch(s, "debris"), "Target"),
+    ],
+)
+def test_mistakes_are_named(change, words):
+    """Each error names the argument and the remedy."""
+    start = sa.load("chaser7").at(START)
+    with pytest.raises(sa.SpaceArmError, match=words):
+        change(start, tumbling(start))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_random_targets_before_the_hand_are_caught(seed):
+    """20 to 150 kg, 0.5 to 3 deg/s about random axes: caught within a minute, as simulated."""
+    rng = np.random.default_rng(seed)
+    start = sa.load("chaser7").at(START)
+    w = rng.normal(size=3)
+    w *= np.radians(rng.uniform(0.5, 3.0)) / np.linalg.norm(w)
+    target = tumbling(start, w=w, mass=rng.uniform(20, 150), off=(*rng.normal(size=2) / 10, 0.3))
+    catch = sa.catch(start, target, window=(9, 40), wanted=1, search=sa.Search(timeout=120))
+    assert catch.fly().captures[0].energy_lost < 1e-6

@@ -1,0 +1,99 @@
+"""One question, one number: how far the nearest singular posture is, wherever it is asked."""
+
+import json
+
+import numpy as np
+import pytest
+from helpers.arms import load_text, random_chain
+from helpers.commands import spacearm
+
+import spacearm as sa
+from spacearm.singularities.nearest import distances_found
+from spacearm.viewer.session import Session
+
+PLACES = {
+    "planar2": lambda: sa.load("planar2"),
+    "mda6": lambda: sa.load("mda6"),
+    "chaser7": lambda: sa.load("chaser7"),
+    "two tips": lambda: sa.load("dual_ur5", tip=("left", "right"), task="position"),
+    "six joints": lambda: load_text(random_chain(11, 6), tip="tip"),
+    "some slide": lambda: load_text(random_chain(5, 6, ("revolute", "prismatic")), tip="tip"),
+    "x y of three": lambda: sa.load("planar3", task="x y"),
+}
+"""Arms; those of random chains are in no catalogue."""
+
+
+def same(value):
+    return pytest.approx(value, rel=1e-6, abs=1e-8)
+
+
+def answers(arm, q, mode="free-floating"):
+    """How far the nearest singular posture is [rad], as each part of the package has it."""
+    said = {
+        "nearest": sa.singular_set(arm, mode=mode).nearest(q).distance,
+        "singularity": sa.singularity(arm.at(q), mode=mode, exact=True).distance,
+    }
+    if len(arm.tips) == 1:
+        page = Session(arm, arm.at(q))
+        page.handle({"do": "spacecraft", "mode": mode})
+        said["page"] = page.readout()["distance"]
+    return said
+
+
+@pytest.mark.parametrize("name", PLACES)
+@pytest.mark.parametrize("mode", ["free-floating", "attitude-controlled"])
+def test_every_part_says_the_same(name, mode):
+    arm, rng = PLACES[name](), np.random.default_rng(3)
+    Q = rng.uniform(-1.5, 1.5, (3, arm.n)) * np.where(arm.slides, 0.1, 1.0)
+    along = distances_found(arm, mode, Q)
+    for q, found in zip(Q, along, strict=True):
+        said = answers(arm, q, mode)
+        assert said == dict.fromkeys(said, same(found))
+
+
+def test_far_away_no_part_says_that_it_is_farther(tmp_path):
+    """To first order nothing is known there: the estimate is many times the distance."""
+    arm = sa.load("planar2")
+    q = np.radians([0.0, 103.15])
+    found = sa.singular_set(arm).nearest(q)
+    assert np.radians(74.9) < found.distance_proven <= found.distance < np.radians(75.1)
+    hint = sa.singularity(arm.at(q))
+    assert hint.distance > 5.0 * found.distance
+    assert hint.verdict == "regular: no singular posture is near, to first order"
+    assert sa.evaluate(arm, q[None], ["distance"])["distance"][0] == same(hint.distance)
+
+    motion = sa.plan(arm.at(q), sa.Joints(q + 0.02))
+    assert motion.distance[0] == same(found.distance)
+    rows = {row[0]: row[1] for row in motion.describe().tables[1].rows}
+    assert rows["distance of a singular posture found"].value == same(found.distance)
+    assert motion.nearest.distance <= found.distance * (1.0 + 1e-9)
+    axes = sa.plot(motion).axes[-1]
+    assert axes.get_ylabel() == "to a singular\nposture found [deg]"
+
+    said = answers(arm, q)
+    assert said == dict.fromkeys(said, same(found.distance))
+    degrees = [str(x) for x in np.degrees(q)]
+    told = json.loads(spacearm("query", "planar2", "--json", "--deg", *degrees).stdout)
+    assert told["distance"] == same(found.distance)
+    path = tmp_path / "path.csv"
+    path.write_text(" ".join(degrees) + "\n0 1\n", encoding="utf-8")
+    told = json.loads(spacearm("path", "planar2", path, "--json", "--deg").stdout)
+    assert told["distance"][0] == same(found.distance)
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_along_a_motion_every_row_has_the_distance_of_its_posture(name):
+    arm, rng = PLACES[name](), np.random.default_rng(4)
+    ends = rng.uniform(-1.0, 1.0, (2, arm.n)) * np.where(arm.slides, 0.1, 1.0)
+    Q = ends[0] + np.linspace(0.0, 1.0, 41)[:, None] ** 2 * (ends[1] - ends[0])
+    along = distances_found(arm, "free-floating", Q)
+    each = [sa.singularity(arm.at(q), exact=True) for q in Q[::6]]
+    assert (along[::6] <= np.array([report.distance for report in each]) * (1 + 1e-6)).all()
+    assert (along[::6] >= np.array([report.distance_proven for report in each])).all()
+    steps = np.linalg.norm(np.diff(Q, axis=0) / sa.singularity(arm.at(Q[0])).radian, axis=1)
+    assert (np.abs(np.diff(along)) <= steps * (1 + 1e-6)).all()  # no distance changes faster
+
+
+def test_where_the_task_can_never_be_done_the_distance_is_zero():
+    arm = sa.load("planar2", task="x y rz")
+    assert (distances_found(arm, "free-floating", np.zeros((3, 2))) == 0.0).all()
