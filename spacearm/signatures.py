@@ -173,13 +173,20 @@ def _parameters(
     made: object = thing
     if isinstance(thing, type) and not is_dataclass(thing):
         made = next(vars(kind)["__init__"] for kind in thing.__mro__ if "__init__" in vars(kind))
+    hints = _hints(made)
     home = thing.__module__.rpartition(".")[2]
     within = f"{home}." if home in sys.modules["spacearm"].__all__ else ""  # as sa.design
     return (
         f"sa.{within}{thing.__qualname__.rpartition('<locals>.')[2]}",
         dict(inspect.signature(thing).parameters),
-        _hints(made),
+        {key: _taken(hint) if isinstance(thing, type) else hint for key, hint in hints.items()},
     )
+
+
+def _taken(hint: Hint) -> Hint:
+    """Return what a constructor takes for a field: of arrays all that makes one."""
+    origin: Any = get_origin(hint)
+    return Numbers if origin is np.ndarray else hint
 
 
 def _hints(thing: object) -> dict[str, Hint]:

@@ -218,7 +218,7 @@ def test_replace_refuses_what_is_no_mount_task_or_tip(change, message):
 @pytest.mark.parametrize(
     ("locked", "message"),
     [
-        ({"joint_1": "a"}, "joint 'joint_1' at a"),
+        ({"joint_1": "a"}, "locked is .*; give a mapping {name: a number}"),
         (["joint_1"], r"locked is \['joint_1'\]; give a mapping"),
     ],
 )
