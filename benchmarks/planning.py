@@ -5,9 +5,12 @@
 Every problem is drawn from a motion: random waypoints in joint space, joined smoothly, within the
 joint limits, clear of singularities and of contacts. The goal is where the tip ends, so that each
 problem has a solution, whose joint travel is the yardstick. Every plan is replayed by an integrator
-that shares nothing with the planner: scipy's DOP853 on the momentum equation, straight from row to
-row. Failures are listed with their numbers. In a family "... held" wheels hold the attitude, in one
-"... final attitude" that at the end is stated. Times of the processor tell more where it is busy.
+that shares nothing with the planner: scipy's DOP853 on the momentum equation, along the splines
+that are flown. Failures are listed with their numbers. In a family "... held" wheels hold the
+attitude, in one "... final attitude" that at the end is stated. In a family "... any attitude" only
+both ends are drawn: postures within the limits, the spacecraft turned by 40 to 180 degrees from one
+to the other, the pose of the tip as the goal; a proof that there is no way is an answer. Times of
+the processor tell more where it is busy.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache, partial
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 from zlib import crc32
@@ -44,8 +48,11 @@ SPREAD = 0.8
 WAYPOINTS, SAMPLES = 3, 60
 TRIES = 2000
 """Arms, and motions of each, that are drawn before a problem is left out."""
-HELD, TURNED = "held", "final attitude"
-"""How the names of families end whose attitude is held, or stated at the end."""
+HELD, TURNED, ANY = "held", "final attitude", "any attitude"
+"""How the names of families end whose attitude is held, or stated at the end, or of which only both
+ends are drawn."""
+TURN = np.radians((40.0, 180.0))
+"""Turns of the spacecraft from one end to the other in families of any attitude [rad]."""
 WHEELS = sa.WheelHold(stiffness=4000.0, damping=2000.0, torque=1.0, capacity=10.0)
 
 
@@ -137,13 +144,19 @@ FAMILIES: dict[str, Callable[[int], sa.SpaceArm]] = {
     "ssrms position": lambda _: loaded("ssrms", task="position"),
     f"planar2 {TURNED}": lambda _: loaded("planar2", task="x y"),
     f"mda6 {TURNED}": lambda _: loaded("mda6"),
+    f"mda6 {ANY}": lambda _: loaded("mda6"),
+    f"chaser7 {ANY}": lambda _: loaded("chaser7"),
+    f"random 6R {ANY}": partial(random_arm, False, 6),
     f"mda6 {HELD}": lambda _: loaded("mda6"),
     f"random 6R {HELD}": partial(random_arm, False, 6),
 }
 
 
 class Problem(NamedTuple):
-    """A start, a goal, travel [rad] and end of the motion that it was drawn from, what is asked."""
+    """A start, a goal, travel [rad] and end of what it was drawn from, what is asked.
+
+    The travel is that of a known motion, or of the straight way between two ends.
+    """
 
     start: sa.Configuration
     goal: object
@@ -188,6 +201,8 @@ def draw(family: str, number: int) -> Problem:
     low, high = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
     held = family.endswith(HELD)
     mode = "attitude-controlled" if held else "free-floating"
+    if family.endswith(ANY):
+        return between_ends(arm, low, high, rng)
     for _ in range(TRIES):
         corners = [rng.uniform(low, high)]
         for _ in range(WAYPOINTS):
@@ -214,6 +229,23 @@ def draw(family: str, number: int) -> Problem:
     return Problem(start, goal, float(np.abs(np.diff(Q, axis=0)).sum()), rows[-1], asked)
 
 
+def between_ends(
+    arm: sa.SpaceArm, low: np.ndarray, high: np.ndarray, rng: np.random.Generator
+) -> Problem:
+    """Draw both ends of a problem, nothing between; they need not be connected."""
+    ends: list[np.ndarray] = []
+    while len(ends) < 2:
+        q = rng.uniform(low, high)
+        if free(arm, q[None], True, "free-floating") and apart([arm.at(q)]):
+            ends.append(q)
+    start = arm.at(ends[0], base=attitude(arm, rng))
+    axis = rng.normal(size=3)
+    turn = pin.exp3(rng.uniform(*TURN) * axis / np.linalg.norm(axis))
+    end = arm.at(ends[1], base=pin.SE3(start.base.rotation @ turn, np.zeros(3)))
+    end = end.centred(start.com)
+    return Problem(start, end.tip, float(np.abs(ends[1] - ends[0]).sum()), end, {})
+
+
 def attitude(arm: sa.SpaceArm, rng: np.random.Generator) -> pin.SE3:
     """Any attitude; about the normal for planar arms."""
     normal = arm.tree.plane_normal()
@@ -224,23 +256,22 @@ def attitude(arm: sa.SpaceArm, rng: np.random.Generator) -> pin.SE3:
 
 
 def replay(plan: sa.Plan, held: bool) -> sa.Configuration:
-    """Where a motion ends when the rows are followed by another integrator."""
-    arm, start = plan.arm, plan[0]
+    """Where a motion ends when another integrator flies what `sa.Tracking` wants."""
+    arm, start, wanted = plan.arm, plan[0], sa.Tracking(plan).wanted
     T = start.base.rotation
-    for q, dq in () if held else zip(plan.q[:-1], np.diff(plan.q, axis=0), strict=True):
 
-        def rate(s: float, t: np.ndarray, q: np.ndarray = q, dq: np.ndarray = dq) -> np.ndarray:
-            R = t.reshape(3, 3)
-            w = sa.base_velocity(arm.at(q + s * dq), dq)[3:]  # spacecraft axes
-            return (R @ pin.skew(w)).ravel()
+    def rate(t: float, T: np.ndarray) -> np.ndarray:
+        q, dq, _ = wanted(t)
+        return (T.reshape(3, 3) @ pin.skew(sa.base_velocity(arm.at(q), dq)[3:])).ravel()
 
-        end = solve_ivp(rate, (0, 1), T.ravel(), method="DOP853", rtol=1e-10, atol=1e-11)
-        T = end.y[:, -1].reshape(3, 3)
-    U, _, Vt = np.linalg.svd(T)
-    return arm.at(plan.q[-1], base=pin.SE3(U @ Vt, np.zeros(3))).centred(start.com)
+    for times in () if held else pairwise(plan.t):
+        end = solve_ivp(rate, times, T.ravel(), method="DOP853", rtol=1e-10, atol=1e-11)
+        U, _, Vt = np.linalg.svd(end.y[:, -1].reshape(3, 3))
+        T = U @ Vt
+    return arm.at(plan.q[-1], base=pin.SE3(T, np.zeros(3))).centred(start.com)
 
 
-LEFT_OUT = "left out"
+LEFT_OUT, PROVEN = "left out", "proven impossible"
 
 
 class Outcome(NamedTuple):
@@ -261,7 +292,7 @@ def solve(family: str, timeout: float, number: int) -> Outcome:
     except UndrawnError as error:
         return Outcome(LEFT_OUT, np.nan, np.nan, np.nan, np.nan, str(error))
     began, worked = time.perf_counter(), time.process_time()
-    plan, reason = None, ""
+    plan, method, reason = None, "none", ""
     try:
         plan = sa.plan(
             start,
@@ -272,11 +303,13 @@ def solve(family: str, timeout: float, number: int) -> Outcome:
             search=sa.Search(timeout=timeout),
             **asked,
         )
+    except sa.ImpossibleError as error:
+        method, reason = PROVEN, str(error)
     except sa.NoSolutionError as error:
         reason = str(error)
     took = time.perf_counter() - began, time.process_time() - worked
     if plan is None:
-        return Outcome("none", *took, np.nan, np.nan, reason)
+        return Outcome(method, *took, np.nan, np.nan, reason)
     end, rows = replay(plan, family.endswith(HELD)), start.arm.task.indices
     if isinstance(goal, pin.SE3):
         turn = pin.log3(goal.rotation @ end.tip.rotation.T)
@@ -299,19 +332,23 @@ def report(family: str, number: int, timeout: float) -> None:
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         outcomes = list(pool.map(partial(solve, family, timeout), range(number)))
     drawn = [outcome for outcome in outcomes if outcome.method != LEFT_OUT]
-    solved = [outcome for outcome in drawn if outcome.method != "none"]
+    proven = sum(outcome.method == PROVEN for outcome in drawn)
+    solved = [outcome for outcome in drawn if outcome.method not in ("none", PROVEN)]
     by = Counter(outcome.method for outcome in solved)
     methods = ", ".join(f"{name} {count / len(solved):.0%}" for name, count in by.most_common())
-    share = len(solved) / max(len(drawn), 1)
-    print(f"{family}: {len(solved)} of {len(drawn)} arrive ({share:.1%}): {methods}")
+    share = (len(solved) + proven) / max(len(drawn), 1)
+    print(
+        f"{family}: {len(solved)} of {len(drawn)} arrive, {proven} are {PROVEN} ({share:.1%} "
+        f"answered): {methods}"
+    )
     if solved:
         seconds, processor = (
             [getattr(o, name) for o in drawn] for name in ("seconds", "processor")
         )
         print(
             f"  median {np.median(seconds):.2f} s, nine of ten within "
-            f"{np.quantile(seconds, 0.9):.1f} s (of a processor {np.median(processor):.2f} and "
-            f"{np.quantile(processor, 0.9):.1f} s), joint travel "
+            f"{np.quantile(seconds, 0.9):.1f} s ({np.median(processor):.2f} s and "
+            f"{np.quantile(processor, 0.9):.1f} s of processor time), joint travel "
             f"{np.median([o.travel for o in solved]):.2f} times the known, largest error under "
             f"replay {max(o.error for o in solved):.1e}",
             flush=True,
@@ -319,7 +356,7 @@ def report(family: str, number: int, timeout: float) -> None:
     for i, outcome in enumerate(outcomes):
         if outcome.method == LEFT_OUT:
             print(f"  problem {i} left out: {outcome.reason}", flush=True)
-        if outcome.method == "none":
+        if outcome.method in ("none", PROVEN):
             print(f"  problem {i} ({outcome.seconds:.0f} s): {outcome.reason}", flush=True)
 
 

@@ -19,7 +19,8 @@ import numpy as np
 from planning import UndrawnError, draw
 
 import spacearm as sa
-from spacearm.planning.optimiser import CLOSE, CurveOptimiser
+from spacearm.planning.guesses import CLOSE
+from spacearm.planning.optimiser import CurveOptimiser
 
 NUMBER, TIMEOUT = 20, 10.0
 SLACK = 1e-4
@@ -136,7 +137,7 @@ def report(family: str, number: int) -> None:
     """Print how often each optimiser finds a curve, how fast, and how long it is."""
     asked = curves(family, number)
     outcomes = {
-        "SLSQP": lambda problem, x, iterations: problem.solve(x, iterations)[0],
+        "SLSQP": lambda problem, x, iterations: problem.solve(x, iterations),
         "IPOPT": by_ipopt,
     }
     costs = {}

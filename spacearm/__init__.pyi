@@ -77,6 +77,7 @@ from spacearm.motion.controllers import DampedLeastSquares as DampedLeastSquares
 from spacearm.motion.controllers import JointPD as JointPD
 from spacearm.motion.controllers import Reactionless as Reactionless
 from spacearm.motion.controllers import ResolvedRate as ResolvedRate
+from spacearm.motion.controllers import Tracking as Tracking
 from spacearm.motion.controllers import TransposedJacobian as TransposedJacobian
 from spacearm.motion.events import Event as Event
 from spacearm.motion.flights import Flight as Flight
@@ -105,7 +106,6 @@ from spacearm.planning.result import Attempt as Attempt
 from spacearm.planning.result import Connection as Connection
 from spacearm.planning.result import Plan as Plan
 from spacearm.planning.retiming import time_optimal as time_optimal
-from spacearm.planning.tracking import Tracking as Tracking
 from spacearm.plots.report_page import design_report as design_report
 from spacearm.plots.show import plot as plot
 from spacearm.polynomial.certificate import Certificate as Certificate

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 import pytest
+from helpers.catching import caught
 from helpers.sweeps import STUDY
 
 import spacearm as sa
@@ -84,23 +85,13 @@ def flight():
     return sa.simulate_phases(arm().at([0.1, 0.2]), phases)
 
 
-@cache
-def caught():
-    start = sa.load("chaser7").at([0.0, 0.6, 0.0, 1.2, 0.0, 0.8, 0.0])
-    target = sa.Target(
-        sa.Bus(60.0, size=(0.6, 0.6, 0.8)), start.tip * sa.pose((0.1, 0.0, 0.8)),
-        grapples={"ring": sa.pose((0, 0, -0.45))},
-    )  # fmt: skip
-    return sa.catch(start, target, window=(10, 10), wanted=1)
-
-
 RESULTS = {
     "ArmInfo": lambda: sa.arms()[0],
     "Attempt": lambda: plan().tried[0],
     "Barycentric": barycentric,
     "Bus": lambda: sa.Bus(12.0, size=(0.1, 0.2, 0.3)),
     "Capture": grasp,
-    "Catch": lambda: caught(),
+    "Catch": caught,
     "Certificate": lambda: singular_set().is_free([0.1, 0.2], [0.2, 0.3]),
     "Certificate of a singularity": lambda: singular_set().is_free([0.1, -2.0], [0.1, 2.0]),
     "CollisionReport": lambda: sa.collision_check(configuration(), sa.Obstacle.sphere(9.0)),

@@ -89,6 +89,10 @@ COMMANDS = {
         "missions.find_attitudes",
         "Find the attitudes of the spacecraft from which the tip can follow a path.",
     ),
+    "catch": (
+        "missions.find_catch",
+        "Find when and how an arm catches a tumbling target, with its velocity, and brakes it.",
+    ),
     "reaction": (
         "missions.report_reaction",
         "Report what a motion does to the spacecraft, and what holding the attitude takes.",

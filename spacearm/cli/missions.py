@@ -1,4 +1,4 @@
-"""`spacearm attitudes`, `reaction`, `wheels`, `report`: what a mission designer asks of an arm."""
+"""`spacearm attitudes`, `catch`, `reaction`, `wheels`, `report`: what mission designers ask."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from spacearm.cli.options import (
     JointValues,
     NoLimits,
     Picture,
+    Save,
     View,
     goal_from,
     joint_values,
@@ -25,9 +26,17 @@ from spacearm.cli.options import (
     to_write,
 )
 from spacearm.cli.output import answer, out, working
-from spacearm.cli.questions import With, question, start_of
+from spacearm.cli.questions import (
+    With,
+    constraints_of,
+    question,
+    search_of,
+    start_of,
+    target_of,
+)
 from spacearm.cli.wording import NUMBER, join_numbers
 from spacearm.mission.attitudes import MARGIN, feasible_attitudes
+from spacearm.mission.catching import catch
 from spacearm.mission.reactions import reaction, size_wheels
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
@@ -82,6 +91,56 @@ def find_attitudes(
             **{key: value for key, value in asked.values.items() if key != "start"},
         )
     answer(arm, found, "attitudes", deg=deg, as_json=as_json, output=output, view=view)
+
+
+@on_a_model
+def find_catch(
+    arm: SpaceArm,
+    target: Annotated[
+        Path,
+        typer.Option(
+            help="What is caught, by the names of sa.Target: body (a robot file, or mass, size, "
+            "inertia, com), pose, twist, grapples, orbit.",
+            metavar="TOML",
+        ),
+    ],
+    q: JointValues = None,
+    window: Annotated[
+        str, typer.Option(help="Earliest and latest contact [s].", metavar="FROM,TO")
+    ] = "0,60",
+    grapple: Annotated[
+        str | None, typer.Option(help="Grapple frame; any of them by default.")
+    ] = None,
+    approach: Annotated[
+        float, typer.Option(help="Distance of the stand-off on the frame's axis [m].")
+    ] = 0.2,
+    attitude: Attitude = None,
+    more: With = None,
+    output: Picture = None,
+    save: Save = None,
+    deg: bool = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find when and how the arm catches a tumbling target, with its velocity, and brakes it.
+
+    --with gives more of what sa.catch takes: start, closing, touching, wanted, constraints, search.
+    """
+    asked = question(more, "start", "closing", "touching", "wanted", "constraints", "search")
+    start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
+    early, late = numbers("--window", window, 2).tolist()
+    rest = {k: v for k, v in asked.values.items() if k in ("closing", "touching", "wanted")}
+    with working("trying contacts") as progress:
+        found = catch(
+            start,
+            target_of(target),
+            grapple,
+            window=(early, late),
+            approach=approach,
+            constraints=constraints_of(asked.inner("constraints")),
+            search=search_of(asked.inner("search"), progress),
+            **rest,
+        )
+    answer(arm, found, "catch", deg=deg, as_json=as_json, save=save, output=output)
 
 
 @on_a_model

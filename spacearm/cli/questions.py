@@ -14,7 +14,9 @@ import typer
 from spacearm.arrays import Array
 from spacearm.cli.options import Three, numbers, spacecraft_pose
 from spacearm.collisions.obstacles import Obstacle
+from spacearm.description.bus import Bus
 from spacearm.errors import ConfigurationError, unknown
+from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import pose
 from spacearm.model.joints import warn_outside
@@ -234,6 +236,35 @@ def _obstacle(value: Any, given: Table) -> Obstacle:
         return Obstacle.robot(robot.at(q, base=at), **rest)
     size = shape if kind == "cylinder" else (Path(shape),) if kind == "mesh" else (shape,)
     return getattr(Obstacle, kind)(*size, at, **rest)
+
+
+def target_of(path: Path) -> Target:
+    """Return the target that a TOML file describes, by the names of `Target`.
+
+    `body` is the path of a robot file, from the folder of the TOML file on, or a table of `Bus`;
+    `pose` and each of `grapples` are {xyz = [...], rpy = [...]}.
+    """
+    given = parse(text_of(path, "--target"), str(path))
+
+    def body(value: Any) -> Bus | Path:
+        if isinstance(value, str):
+            return path.parent / value
+        return built(Bus, given.inner("body"))
+
+    def placed(value: Any, where: str) -> Any:
+        own = Table(f"{given.where}: {where}", value)
+        own.knows("xyz", "rpy")
+        return pose(**own.values)
+
+    return built(
+        Target,
+        given,
+        body=body,
+        pose=lambda value: placed(value, "pose"),
+        grapples=lambda value: {
+            name: placed(one, name) for name, one in Table(given.where, value).values.items()
+        },
+    )
 
 
 def search_of(given: Table, progress: Callable[[float, float], object]) -> Search:

@@ -417,7 +417,7 @@ class Obstacle:
             "twist": plain(self.twist),
             "along": None if self.along is None else plain(self.along.t[-1] - self.along.t[0]),
             "posture": None if self.posture is None else plain(self.posture),
-            "target": None if self.target is None else plain(self.target),
+            "target": self.target and self.target.name,
             "margin": self.margin,
             "may_touch": list(self.may_touch),
         }

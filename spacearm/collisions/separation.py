@@ -117,6 +117,21 @@ class Collisions:
         """Return distances (own pairs,) of the arm's bodies, negative where they overlap [m]."""
         return self._distances(self.arm.all_joints(q), None, 0.0, np.arange(self._own))
 
+    def gap(self, q: Array, pair: int | None = None) -> tuple[float, int]:
+        """Return how far bodies of the arm are from contact at joint positions (n,) [m].
+
+        Args:
+            q: The joint positions.
+            pair: The number of two bodies; the two that are nearest to contact if None.
+
+        Returns:
+            The distance, negative in contact, and the number of the pair.
+        """
+        pairs = np.arange(self._own) if pair is None else np.array([pair])
+        short = self._distances(self.arm.all_joints(q), None, 0.0, pairs) - self._near[pairs]
+        least = int(short.argmin())
+        return float(short[least]), int(pairs[least])
+
     def touch(self, q: Array) -> bool:
         """Tell whether bodies of the arm meet each other at joint positions (n,)."""
         return bool((self.distances(q) < self._near[: self._own]).any())

@@ -2,10 +2,9 @@
 
 A finger is a short, light branch behind a body that an arm moves, its palm. Lengths count relative
 to the arm and masses relative to what the arm moves, so that units do not matter. What tells
-fingers from a wrist: one branch moves as another does (mimic joints), two slide along parallel
-axes, no branch has more joints than all others or is longer than two that are alike, or they are
-named so. A single moving jaw is told by its name, or by a frame for a tool on the body that it is
-hinged to.
+fingers from a wrist: there are three or more, or two with as many joints, or one moves as the other
+does (mimic joints), or they are named so. A single moving jaw is told by its name, or by a frame
+for a tool on the body that it is hinged to.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterable, Sequence
-from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -30,8 +28,6 @@ MOST_JOINTS = (3, 5)
 """Most joints of a finger that no name tells: of two fingers, of more, as a thumb has.
 
 An arm may have more."""
-ALIKE = 1.5
-"""Largest ratio of the lengths of branches that are alike."""
 
 
 def fingers(tree: Tree) -> dict[str, tuple[str, ...]]:
@@ -84,11 +80,6 @@ class _Branch:
         stroke = self.first.upper - self.first.lower if self.first.kind == "prismatic" else 0.0
         return stroke if math.isfinite(stroke) else 0.0
 
-    @cached_property
-    def kinds(self) -> tuple[str, ...]:
-        """Kinds of its joints, a turning one with or without limits the same."""
-        return tuple(sorted(j.kind.replace("continuous", "revolute") for j in self.joints))
-
 
 class _Grippers:
     """The grippers of one robot."""
@@ -121,8 +112,7 @@ class _Grippers:
         if len(branches) == 1:
             told = branches[0].stroke <= short and self._jaw(palm, branches[0])
         else:
-            told = joints.count(max(joints)) > 1 or _led_by_a_pair(branches)
-            told = told or self._coupled(branches) or self._opposing(branches)
+            told = len(branches) > 2 or len(set(joints)) == 1 or self._coupled(branches)
         return told and self._light(palm, branches)
 
     def _way(self, palm: str, branches: Sequence[_Branch]) -> float:
@@ -162,12 +152,6 @@ class _Grippers:
         beside = np.linalg.norm(np.cross(joint.axis, lever)) > 0.1 * np.linalg.norm(lever)
         return joint.upper - joint.lower < math.pi and (body.mass == 0.0 or bool(beside))
 
-    def _opposing(self, branches: Sequence[_Branch]) -> bool:
-        """Whether two of the branches are single joints that slide along parallel axes."""
-        single, frames = [b.first for b in branches if b.kinds == ("prismatic",)], self._tree.frames
-        axes = [frames[joint.child].rotation @ joint.axis for joint in single]
-        return any(abs(a @ b) > 0.99 for i, a in enumerate(axes) for b in axes[:i])
-
     def _coupled(self, branches: Sequence[_Branch]) -> bool:
         """Whether all joints of two branches move as one joint of theirs does."""
         leaders = [{self._tree.leader(j).name for j in branch.joints} for branch in branches]
@@ -178,13 +162,6 @@ class _Grippers:
 
 def _length(pose: pin.SE3) -> float:
     return float(np.linalg.norm(pose.translation))
-
-
-def _led_by_a_pair(branches: Sequence[_Branch]) -> bool:
-    """Whether no branch is much longer than two that have the same kinds of joints and length."""
-    longest = max(branch.extent for branch in branches) / ALIKE
-    kinds = [branch.kinds for branch in branches if branch.extent >= longest]
-    return len(set(kinds)) < len(kinds)
 
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")

@@ -311,7 +311,8 @@ def feasible_attitudes(
         all_branches: Look for all branches from random postures instead, which may miss some, and
             take the best at each attitude; the posture of `start` does not count.
         length: Length of a path given as a function [m] or [rad].
-        margin: Least distance to the singular set [rad]; zero asks only that none is met.
+        margin: Least distance to the singular set, to first order [rad]; zero asks only that none
+            is met.
         speed: Speed of the tip along the path [m/s], or [rad/s] in a mere turn.
         limits: Whether joint limits count.
         samples: Number of attitudes tried at first: of planar arms 720 if None; of others at least

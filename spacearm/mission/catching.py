@@ -10,6 +10,7 @@ momentum of the target.
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -38,6 +39,7 @@ from spacearm.mechanics.dynamics import (
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
+from spacearm.motion.controllers import Tracking
 from spacearm.motion.flights import Flight, Grasp, Phase, simulate_phases
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import out_of_reach
@@ -46,7 +48,6 @@ from spacearm.motion.plant import Integration, Plant
 from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Plan
-from spacearm.planning.tracking import Tracking
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle
@@ -54,8 +55,8 @@ from spacearm.singularities.sets import prove_regular, singular_set
 
 NODES = 400
 """Poses through which the tip is led while it takes up the target's motion, and closing in."""
-PROVEN = math.radians(3.0)
-"""Distance to the singular set that is proven where there is as much [rad]."""
+PROVEN = math.radians(20.0)
+"""Distance to the singular set that is proven at most [rad]."""
 SHARES = (2.0, 6.0, 20.0)
 """Time that is given to each contact on the first, the second and the third pass [s]."""
 BEND = 0.005
@@ -152,6 +153,14 @@ class Catch(Result):
         """The motion from the start to contact, as one."""
         return joined(self.begin, self.plan, self.chase)
 
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the motion up to contact, as `Motion.save`.
+
+        Args:
+            path: The file, NPZ.
+        """
+        self.approach.save(path)
+
     def fly(
         self,
         actual: Target | None = None,
@@ -209,12 +218,13 @@ class Catch(Result):
     def describe(self) -> Description:
         """Describe when and where it catches, with what margins, and what was tried."""
         rates = np.linalg.norm(self.twist_error[:3]), np.linalg.norm(self.twist_error[3:])
+        proven = angle(self.distance_proven, down=True)
         facts: dict[str, Cell] = {
             "begins to move": Measure(self.begin, "s"),
             "at the stand-off": Measure(self.begin + self.plan.t[-1], "s"),
             "contact": Measure(self.t, "s"),
             "joints at rest": Measure(self.t + self.brake.t[-1], "s"),
-            "singular posture, proven": f"none nearer than {angle(self.distance_proven)}",
+            "singular posture, proven": f"none nearer than {proven}",
             "tip off the grapple frame": Measure(self.place_error, "m", ".1e"),
             "turned off it": Measure(self.turn_error, "rad", ".1e"),
             "relative velocity": Measure(float(rates[0]), "m/s", ".1e"),
@@ -236,8 +246,29 @@ class Catch(Result):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain data, the motions as those of `Motion.to_dict`."""
-        return super().to_dict() | {"arm": self.arm.name, "tumble": plain(self.tumble)}
+        """Return all but the parts of the motion as plain data; the motion up to contact as one."""
+        way = self.approach
+        told = {
+            "arm": self.arm.name,
+            "target": self.target.name,
+            "grapple": self.grapple,
+            "contact": self.t,
+            "begin": self.begin,
+            "standing": self.begin + self.plan.t[-1],
+            "rest": self.t + self.brake.t[-1],
+            "distance_proven": self.distance_proven,
+            "place_error": self.place_error,
+            "turn_error": self.turn_error,
+            "twist_error": self.twist_error,
+            "torque": self.torque,
+            "momentum": self.momentum,
+            "tumble": self.tumble,
+            "contacts": self.tried,
+            "t": way.t,
+            "q": way.q,
+            "base": way.base,
+        }
+        return {name: plain(value) for name, value in told.items()}
 
 
 @checked
@@ -327,7 +358,8 @@ def catch(
                 if not found:  # as long again, at most
                     ends = min(ends, 2.0 * time.monotonic() - begun + 1.0)
                 found.append(one)
-                story = f"no singular posture nearer than {angle(one.distance_proven)}, proven"
+                proven = angle(one.distance_proven, down=True)
+                story = f"no singular posture nearer than {proven}, proven"
                 tried[t, name] = Candidate(t, name, True, story)
         waiting = again
     if not found:

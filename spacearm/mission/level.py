@@ -56,7 +56,7 @@ class LevelReach(Result):
         attitude: (4,) attitude of the spacecraft then, quaternion xyzw.
         tip: (3,) position of the tip then [m].
         tilt: The largest turn of the spacecraft [rad].
-        margin: Least distance to the singular set on the way [rad].
+        margin: Least distance to the singular set on the way, to first order [rad].
         limits: Whether joint limits count.
         axis: The normal of a planar arm's plane (0, 1, 2); None for spatial arms.
         direction: (d, 3) unit vectors of straight lines, evenly spread.
@@ -222,7 +222,7 @@ def level_reach(
         start: The posture and the attitude of the spacecraft at the start, at rest. The task must
             have linear rows, all three or those of a planar arm's plane.
         tilt: Largest turn of the spacecraft [rad].
-        margin: Least distance to the singular set [rad].
+        margin: Least distance to the singular set, to first order [rad].
         limits: Whether joint limits count.
         directions: Number of straight lines; 360 in the plane, 1,000 in space if None.
         planned: Whether to look for broken lines.

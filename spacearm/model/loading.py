@@ -161,7 +161,7 @@ def mount(
     top = bus.top if isinstance(bus, Bus) else pin.SE3.Identity()
     at = top if at is None else sound_pose(at, "at")
     reading = Reading.of(check, packages, xacro_args, density)
-    base = _tree(bus, replace(reading, xacro_args={}))
+    base = _tree(bus, replace(reading, xacro_args={}, rigid=True))
     tree = bolted(base, arm, at, name=name, tip=tip, locked=locked, reading=reading)
     return SpaceArm.of(tree, Path(f"{tree.name}.urdf"), task=task, joints=joints).warned()
 

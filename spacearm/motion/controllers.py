@@ -36,6 +36,7 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.joints import joint_vector
 from spacearm.motion.goal import Goal, goal_pose, goal_rows, miss, out_of_reach, twist_between
+from spacearm.motion.motion import Motion
 from spacearm.signatures import checked
 from spacearm.singularities.report import NO_INVERSE
 
@@ -324,3 +325,66 @@ def check_target(controller: Controller, cfg: Configuration) -> None:
         return
     if far := out_of_reach(cfg, goal_pose(cfg, controller.target)):
         raise ConfigurationError(far)
+
+
+@checked
+@dataclass(frozen=True)
+class Tracking(Law):
+    """tau = inverse dynamics of ddq_d + 2 rate (dq_d - dq) + rate^2 (q_d - q): computed torque.
+
+    The inverse dynamics control of Siciliano, Sciavicco, Villani & Oriolo, Robotics (2009), section
+    8.5.2, DOI 10.1007/978-1-84628-642-1, with the dynamics of the floating arm.
+
+    Where wheels bring a tumbling spacecraft to rest, the law minds their torques: `wheel_torques`,
+    which `sa.simulate` takes as `wheels=`.
+
+    q_d is a spline through the rows of the motion over time, and through their rates and
+    accelerations where these are its own, as of paths that are followed; before it begins and after
+    it has ended the joints hold still. Plans start and end at rest.
+
+    Attributes:
+        motion: The motion that the joints keep to.
+        rate: Rate at which errors vanish, critically damped [1/s].
+    """
+
+    motion: Motion
+    rate: float = 5.0
+
+    def __post_init__(self) -> None:
+        positive(self.rate, "rate", "rate [1/s]")
+
+    def wheel_torques(self, t: float) -> Array:
+        """Return the torques (w,) that the wheels take up at a time [N m]."""
+        begin, end = self.motion.t[[0, -1]]
+        wheels = self.motion.wheel_spline
+        if wheels is None or not begin <= t <= end:
+            return np.zeros(len(self.motion.arm.wheels))
+        return np.asarray(wheels(t, 1))
+
+    def wanted(self, t: float) -> tuple[Array, Array, Array]:
+        """Return joint positions, rates and accelerations (n,) of the motion at a time."""
+        begin, end = self.motion.t[[0, -1]]
+        inside = float(np.clip(t, begin, end))
+        moves = float(inside == t)
+        q = self.motion.spline
+        return q(inside), moves * q(inside, 1), moves * q(inside, 2)
+
+    def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
+        """Return the torques (n,) [N m] or forces [N]."""
+        q, rates, ddq = self.wanted(t)
+        ddq = ddq + 2.0 * self.rate * (rates - dq) + self.rate**2 * (q - cfg.q)
+        wrenches = {}
+        if self.motion.wheel_spline is not None:
+            turned = cfg.arm.at(cfg.q, base=cfg.base, wheels=self.wheel_torques(t)).stored
+            wrenches[cfg.arm.tree.root] = -turned  # on the spacecraft
+        momentum = getattr(self.motion, "momentum", np.zeros((1, 6)))[0]
+        cfg, mode = cfg.with_momentum(momentum), self.motion.mode
+        return inverse_dynamics(cfg, dq, ddq, mode=mode, wrenches=wrenches).tau
+
+    def error(self, t: float, cfg: Configuration) -> Array:
+        """Return q_d - q (n,) [rad] or [m]."""
+        return self.wanted(t)[0] - cfg.q
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the parameters as plain data; of the motion its story."""
+        return {"motion": repr(self.motion), "rate": self.rate}

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
+from scipy.interpolate import BPoly, BSpline, CubicSpline, PPoly
 
 from spacearm.arrays import Array, finite, numbers_of, plain, read_only, shape_of
 from spacearm.errors import ConfigurationError, listed
@@ -165,6 +166,25 @@ class Motion(Result):
 
     def __len__(self) -> int:
         return len(self.t)
+
+    @cached_property
+    def spline(self) -> PPoly:
+        """Joint positions (n,) over time as `sa.Tracking` flies them, through the rows.
+
+        Through their rates and accelerations too, where these are its own, not differenced.
+        """
+        begin, end = self.t[[0, -1]]
+        inner = [jump for jump in self.jumps if begin < jump.t < end]
+        known = {"dq", "ddq"} <= {each.name for each in fields(self)}
+        if not known or len(self) == 1 or inner:
+            return CubicSpline(self.t, self.q)
+        rows = np.stack((self.q, self.dq, self.ddq), axis=1)
+        return PPoly.from_bernstein_basis(BPoly.from_derivatives(self.t, rows))
+
+    @cached_property
+    def wheel_spline(self) -> BSpline | None:
+        """What wheels hold (w,) over time [N m s], where their torques are part of the motion."""
+        return None
 
     def __getitem__(self, i: int) -> Configuration:
         return self.arm.at(self.q[i], base=_pose(self.base[i]))

@@ -34,7 +34,7 @@ from spacearm.planning.many_curves import (
     spacecraft_turns,
     turning_axes,
 )
-from spacearm.planning.optimiser import FAR, CurveFamily, Target, sides, sines
+from spacearm.planning.optimiser import FAR, CurveFamily, Shape, Sines, Target, sides
 
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
@@ -47,8 +47,8 @@ SAMPLE = 20
 """Loops that are tried at a place, to compare places."""
 CLOSE = 1e-4
 """Largest distance of the tip from its goal [m], [rad]."""
-INTERVALS, POINTS = 16, 65
-"""Steps of the integration along a curve; points at which the distance is evaluated."""
+INTERVALS, ALONG = 16, np.linspace(0.0, 1.0, 65)
+"""Steps of the integration along a curve; shares of it at which the distance is evaluated."""
 TOGETHER = 300
 """Curves whose turns are computed between two looks at the clock."""
 HELD_STEPS, TURNING_STEPS = 25, 12
@@ -76,11 +76,13 @@ class Guess:
         loops: How many times its loop is run through.
         room: Least distance to the singular set on the way [rad]; negative beyond a limit or a
             singularity, minus infinity if it does not arrive.
+        shape: What its curve and its loop are made of.
     """
 
     x: Array
     loops: int
     room: float
+    shape: Shape
 
 
 class GuessFinder:
@@ -105,13 +107,14 @@ class GuessFinder:
         collisions: Collisions | None = None,
     ) -> None:
         self.start, self.target, self.waves, self.rng = start, target, waves, rng
-        self.account, self._collisions = account or SearchAccount(np.inf), collisions
+        self.account, self.collisions = account or SearchAccount(np.inf), collisions
         self.arm, self.T0, self.com = start.arm, start.base.rotation, start.com
         self.axes = goal_axes(start)
         limits = target.lower, target.upper
         self.free = FreeSpace(self.arm, start.q, *limits, self.account.check_time)
-        self._family = CurveFamily(self.arm, start.q, waves, INTERVALS)
-        self._along, _ = sines(np.linspace(0.0, 1.0, POINTS), waves)
+        self._shape = Sines(waves)
+        self._family = CurveFamily(self.arm, start.q, self._shape, INTERVALS)
+        self._along, _ = self._shape.at(ALONG)
 
     def curves(self, width: float, m: int) -> Iterator[Guess]:
         """Yield curves that arrive, free ones first, and then others, shortest first.
@@ -134,7 +137,7 @@ class GuessFinder:
         room[~near] = -np.inf
         for some in (near & clear, near & ~clear, ~near):
             for i in _shortest(travel, some):
-                yield Guess(self._unknowns(P[i]), 0, room[i])
+                yield Guess(self._unknowns(P[i]), 0, room[i], self._shape)
 
     def loops_and_lines(self) -> Iterator[Guess]:
         """Yield loops with a straight line after them that arrive, free, shortest first."""
@@ -146,7 +149,7 @@ class GuessFinder:
         P, T = P[clear], T[clear]
         if len(loops.C) == 0 or len(P) == 0 or (target.tip is None and target.attitude is None):
             return
-        needed = Rotation.from_matrix(self.T0.T @ T @ np.swapaxes(self._turns(P), 1, 2))
+        needed = Rotation.from_matrix(self.T0.T @ T @ np.swapaxes(self.turns(P), 1, 2))
         end, loop, times = matches(loops, needed)
         travel = times * lengths(self._points(closed(loops.C)))[loop]
         travel += lengths(self._points(P))[end]
@@ -157,15 +160,17 @@ class GuessFinder:
         room = np.minimum(self.free.least_distance(self._points(P)), loops.room[loop])
         self.count_ways(room, near)
         for i in _shortest(travel, near & (room > target.clearance)):
-            yield Guess(self._unknowns(P[i], loops.C[loop[i]]), int(times[i]), room[i])
+            C = loops.C[loop[i]]
+            yield Guess(self._unknowns(P[i], C), int(times[i]), room[i], self._shape)
 
     def points(self, guess: Guess) -> Array:
-        """Return points (m, n) along a guess, its loops too."""
-        P = guess.x.reshape(-1, self.arm.n)
-        curve, C = P[: self.waves + 1].copy(), P[self.waves + 1 :]
-        curve[0] -= self.start.q
-        loop = [self._points(closed(C[None]))[0]] * guess.loops if guess.loops else []
-        return np.concatenate((*loop, self._points(curve[None])[0]))
+        """Return points (m, n) along a guess, its loops too, and its corners."""
+        shape, P = guess.shape, guess.x.reshape(-1, self.arm.n)
+        family = CurveFamily(self.arm, self.start.q, shape, shape.intervals)
+        m = 1 if shape.pieces > 1 else len(ALONG) - 1  # straight between corners
+        loop = np.vstack((self.start.q, P[shape.count + 1 :]))
+        loops = [family.rows(loop, m)] * guess.loops if guess.loops else []
+        return np.concatenate((*loops, family.rows(P[: shape.count + 1], m)))
 
     def loop_places(self, m: int) -> Array:
         """Return joint positions (<= m, n) about which loops turn the spacecraft far.
@@ -173,7 +178,7 @@ class GuessFinder:
         The straight way there is free.
         """
         Q = self.free.draw(MANY, self.rng)
-        way = self.start.q + np.linspace(0.0, 1.0, POINTS)[:, None] * (Q - self.start.q)[:, None]
+        way = self.start.q + ALONG[:, None] * (Q - self.start.q)[:, None]
         Q = Q[self.free.least_distance(way) > self.target.clearance]
         Q = Q[np.argsort(-self.free.least_distance(Q[:, None]))[: MANY // SAMPLE]]
         if len(Q) == 0:
@@ -181,7 +186,7 @@ class GuessFinder:
         places, P = np.repeat(Q, SAMPLE, axis=0)[:, None], closed(self._sines(SAMPLE * len(Q)))
         clear = self.free.least_distance(places + self._along @ P) > self.target.clearance
         turn = np.zeros(len(P))
-        turn[clear] = angles(self._turns(P[clear], places[clear]))
+        turn[clear] = angles(self.turns(P[clear], places[clear]))
         return Q[np.argsort(-turn.reshape(-1, SAMPLE).max(axis=1))[:m]]
 
     def ends(self, width: float, m: int) -> tuple[Array, Array]:
@@ -205,8 +210,8 @@ class GuessFinder:
         Q, there = self.free.wrapped(Q), miss < CLOSE
         room = self.free.least_distance(Q[:, None])
         good = there & (room > target.clearance)
-        if self._collisions:
-            good[good] = [not self._collisions.touch(q) for q in Q[good]]
+        if self.collisions:
+            good[good] = [not self.collisions.touch(q) for q in Q[good]]
         counts = {
             "tried": m,
             "reached": there.sum(),
@@ -237,13 +242,13 @@ class GuessFinder:
         """
         target = self.target
         if target.attitude is not None:
-            return P, angles(target.attitude.T @ self.T0 @ W @ self._turns(P)) < NEAR
+            return P, angles(target.attitude.T @ self.T0 @ W @ self.turns(P)) < NEAR
         if target.tip is None or len(P) == 0:
             return P, np.ones(len(P), dtype=bool)
 
         def attitude(Q: Array, rows: Indices) -> Array:
             P[rows, 0] = Q - self.start.q
-            return self.T0 @ W[rows] @ self._turns(P[rows])
+            return self.T0 @ W[rows] @ self.turns(P[rows])
 
         tip = pin.SE3(target.tip.rotation, target.tip.translation - self.com)
         _, _, miss = inverse_kinematics(
@@ -268,7 +273,7 @@ class GuessFinder:
         P = closed(C)
         room = self.free.least_distance(self._points(P))
         free = room > self.target.clearance
-        turn = Rotation.from_matrix(self._turns(P[free])).as_rotvec()
+        turn = Rotation.from_matrix(self.turns(P[free])).as_rotvec()
         return Loops(C[free], room[free], turn)
 
     def _sines(self, m: int) -> Array:
@@ -277,10 +282,10 @@ class GuessFinder:
         return C / np.arange(1.0, self.waves + 1.0)[:, None]
 
     def _points(self, P: Array) -> Array:
-        """Return points (K, POINTS, n) on curves P (K, waves + 1, n) from the start."""
+        """Return points (K, points, n) on curves P (K, waves + 1, n) from the start."""
         return self.start.q + self._along @ P
 
-    def _turns(self, P: Array, places: Array | None = None) -> Array:
+    def turns(self, P: Array, places: Array | None = None) -> Array:
         """Return the turns of the spacecraft (K, 3, 3) along curves from the start or from places.
 
         Args:

@@ -11,9 +11,10 @@ arrives as flown.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -270,26 +271,33 @@ class FlownRows:
         )
         return np.asarray(found[0, at_rows])
 
-    def landed(self, attitude: Array) -> FlownRows:
-        """Return rows bent a little, so that the spacecraft ends with an attitude (3, 3).
+    def landed(self, wanted: Mapping[int, Array]) -> FlownRows:
+        """Return rows bent a little, so that the spacecraft passes rows with stated attitudes.
 
-        Joint positions at both ends stay, so that tips end where they should, too. Newton's method
-        on the heights of smooth waves; of all corrections the one of least squares.
+        Joint positions at these rows and at both ends stay, so that tips pass there as they should,
+        too. Newton's method on the heights of smooth waves between them; of all corrections the one
+        of least squares.
+
+        Args:
+            wanted: (3, 3) attitudes by the numbers of their rows, the last row among them.
 
         Raises:
             NoSolutionError: It does not converge.
         """
-        arm, q = self.start.arm, self.q
-        way = np.linalg.norm(np.diff(q, axis=0), axis=1)
-        share = np.append(0.0, np.cumsum(way)) / max(float(way.sum()), 1e-300)
-        waves = 1.0 - np.cos(2.0 * np.pi * share[:, None] * np.arange(1, SHAPES + 1))
+        arm, q, stops = self.start.arm, self.q, sorted(wanted)
+        way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1)))
+        waves = []
+        for first, last in pairwise([0, *stops]):
+            share = np.clip((way - way[first]) / max(way[last] - way[first], 1e-300), 0.0, 1.0)
+            waves.append(1.0 - np.cos(2.0 * np.pi * share[:, None] * np.arange(1, SHAPES + 1)))
         room = np.minimum(q - arm.lower, arm.upper - q).min(axis=0)
         far = (room > SLACK) | (room < 0.0)
         bends = np.eye(arm.n)[far | ~far.any()]
-        shapes = np.einsum("ms,jn->sjmn", waves, bends).reshape(-1, *q.shape)
+        shapes = np.einsum("ms,jn->sjmn", np.hstack(waves), bends).reshape(-1, *q.shape)
 
         def left(rows: FlownRows) -> Array:
-            return pin.log3(attitude.T @ rows.attitudes(parts=2)[-1])
+            T = rows.attitudes(parts=2)
+            return np.concatenate([pin.log3(wanted[i].T @ T[i]) for i in stops])
 
         rows, miss = self, left(self)
         if np.linalg.norm(miss) <= TURNED:

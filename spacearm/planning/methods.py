@@ -1,4 +1,4 @@
-"""The five methods of planning: each takes a problem and returns rows that solve it, or fails.
+"""The six methods of planning: each takes a problem and returns rows that solve it, or fails.
 
 A method that fails raises a NoSolutionError that says why.
 """
@@ -24,7 +24,8 @@ from spacearm.motion.leading import straight_line
 from spacearm.planning.guesses import CLOSE, Guess, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, turning_axes
 from spacearm.planning.optimiser import ARRIVED, ITERATIONS, NEWTON_STEPS, CurveOptimiser, Target
-from spacearm.planning.problem import WAVES, Problem, Rows, travel
+from spacearm.planning.problem import InContactError, Problem, Rows, travel
+from spacearm.planning.roadmap import Roadmap
 from spacearm.planning.timing import rest_to_rest_times
 from spacearm.planning.tree import by_tree, straight_rows
 
@@ -65,8 +66,8 @@ def straight(problem: Problem) -> Rows:
 def joint_space(problem: Problem) -> Rows:
     """Find the shortest joint curve that arrives, of the first few."""
     tries = list(itertools.product((FEW, MANY), WIDTHS))  # cheap ones first
-    if problem.target.attitude is not None and problem.account.rounds == 0:
-        tries = tries[:2]  # cycles often do what these do not
+    if problem.account.rounds == 0:  # a roadmap often does what these do not
+        tries = tries[: len(WIDTHS) if problem.target.attitude is None else 2]
     finder = problem.guesses(problem.start, problem.target)
     mixed: list[list[Guess]] = []
     for m, width in tries:
@@ -92,6 +93,11 @@ def joint_space(problem: Problem) -> Rows:
 def cycles(problem: Problem) -> Rows:
     """Repeat a closed loop in joint space as often as it takes, then follow a curve to the goal."""
     return _by_loops(problem, problem.target)
+
+
+def roadmap(problem: Problem) -> Rows:
+    """Repeat a loop of straight pieces as often as it takes, then go by a few to the goal."""
+    return _by_loops(problem, problem.target, lambda finder: Roadmap(finder).guesses())
 
 
 def attitude_first(problem: Problem) -> Rows:
@@ -136,23 +142,12 @@ def _optimised(
     found: list[Rows] = []
     why = "none of the curves tried keeps all constraints"
     for guess in guesses:
-        problem.account.check_time()
-        aim = min(problem.ample, guess.room) if guess.room > 0.0 else problem.ample
-        target = finder.target._replace(clearance=max(aim, finder.target.clearance))
-        optimiser = CurveOptimiser(
-            finder.start, target, WAVES, guess.loops, problem.account.check_time
-        )
-        x, met = optimiser.solve(guess.x, iterations)
-        for unknowns, usable in ((x, met), (guess.x, guess.room > 0.0)):
-            if not usable:
-                continue
-            try:
-                found.append(problem.check(optimiser.refine(unknowns)))
-                break
-            except NoSolutionError as error:
-                why = str(error)
-                if isinstance(error.best, list):
-                    problem.best = error.best
+        try:
+            found.append(_solved(problem, finder, guess, iterations))
+        except NoSolutionError as error:
+            why = str(error)
+            if isinstance(error.best, list):
+                problem.best = error.best
         if len(found) == ENOUGH:
             break
     if not found:
@@ -160,7 +155,37 @@ def _optimised(
     return min(found, key=travel)
 
 
-def _by_loops(problem: Problem, target: Target) -> Rows:
+def _solved(problem: Problem, finder: GuessFinder, guess: Guess, iterations: int) -> Rows:
+    """Return a solution that the optimiser makes of a guess, else the guess as it is.
+
+    Bodies that may meet take the optimiser time. They count only where they met without.
+
+    Raises:
+        NoSolutionError: Neither is a solution.
+    """
+    aim = min(problem.ample, guess.room) if guess.room > 0.0 else problem.ample
+    target = finder.target._replace(clearance=max(aim, finder.target.clearance))
+    bodies = problem.collisions
+    for counting in (None, None if bodies is None or bodies.obstacles else bodies):
+        problem.account.check_time()
+        optimiser = CurveOptimiser(
+            finder.start, target, guess.shape, guess.loops, problem.account.check_time, counting
+        )
+        try:
+            return problem.check(optimiser.refine(optimiser.solve(guess.x, iterations)))
+        except NoSolutionError as error:
+            if guess.room <= 0.0 and not isinstance(error, InContactError):
+                raise
+            if not isinstance(error, InContactError):
+                break
+    return problem.check(optimiser.refine(guess.x))
+
+
+def _by_loops(
+    problem: Problem,
+    target: Target,
+    guesses_of: Callable[[GuessFinder], Iterator[Guess]] = GuessFinder.loops_and_lines,
+) -> Rows:
     """Run through loops at the start, or after a straight motion to where loops turn more.
 
     Raises:
@@ -174,7 +199,7 @@ def _by_loops(problem: Problem, target: Target) -> Rows:
             continue
         finder = problem.guesses(there[-1], target)
         try:
-            guesses = _without_contact(problem, finder, finder.loops_and_lines(), before)
+            guesses = _without_contact(problem, finder, guesses_of(finder), before)
             return there + _optimised(problem, finder, guesses)[1:]
         except NoSolutionError as error:
             why = why or str(error)
@@ -278,6 +303,7 @@ def _line(problem: Problem, start: Configuration, goal: Goal, limited: bool) -> 
 METHODS: dict[str, Callable[[Problem], Rows]] = {
     "straight": straight,
     "joint space": joint_space,
+    "roadmap": roadmap,
     "cycles": cycles,
     "attitude first": attitude_first,
     "tree": by_tree,

@@ -2,7 +2,9 @@
 
 A curve leads from q_0 to q_1 in joint space, s from 0 to 1:
 
-    q(s) = q_0 + s (q_1 - q_0) + sum_j c_j sin(j pi s).
+    q(s) = q_0 + s (q_1 - q_0) + sum_j c_j b_j(s)
+
+with b_j(s) = sin(j pi s), or hats that are 1 at one corner and 0 at the others.
 
 Without momentum the attitude follows T' = T [A(q) q']x with the connection A = -D^-1 D_q of (33c),
 in spacecraft axes. It is integrated by the fourth-order Magnus method as in `move`, and
@@ -20,14 +22,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 from scipy.optimize import minimize
 
 from spacearm.arrays import Array
+from spacearm.collisions.separation import Collisions
 from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.batch import evaluate
@@ -40,13 +44,13 @@ from spacearm.planning.many_curves import turning_axes
 
 INTERVALS = 16
 """Steps of the integration along a curve: enough for the optimiser, not for the end of a plan."""
+EACH = 8
+"""Steps along each straight piece, likewise."""
 MARGIN = 1.2
 """Factor on the clearance asked for, because the way may come nearer between the samples."""
 ITERATIONS = 60
 INSET = 1e-3
 """Distance kept from the joint limits, because curves may bulge between the samples [rad], [m]."""
-CLOSE = 1e-4
-"""Largest residual at the end that `refine` makes exact."""
 ARRIVED = 1e-8
 """Largest norm of the residual at the end of a plan [m], [rad]."""
 NEWTON_STEPS = 6
@@ -56,6 +60,11 @@ FAR = 1.0
 """Distances to the singular set beyond this are not told apart [rad]: they are too rough."""
 NEARBY, TURNS_ROUND = 0.5, -0.8
 """Up to which distance [rad] the way out tells sides apart; cosine of the angle between two."""
+TOGETHER = 4
+"""Samples of which the two bodies nearest to contact count."""
+ROOM, NUDGE = 0.02, 1e-5
+"""Distance kept between bodies, as they may come nearer between the samples [m]; joint motion by
+which distances are differentiated [rad] or [m]."""
 SPACING = 0.02
 """Joint motion between the rows of a plan [rad] or [m]."""
 
@@ -108,30 +117,34 @@ class _Values(NamedTuple):
 class CurveOptimiser:
     """The optimisation problem of motions from one configuration: closed loops first, then a curve.
 
-    The unknowns x are those of the curve, (waves + 1, n), and those of the loop, (waves, n), one
+    The unknowns x are those of the curve, (count + 1, n), and those of the loop, (count, n), one
     after the other. The loop is run through `loops` times: its holonomy L turns the spacecraft by
     L^loops.
 
     Args:
         start: Configuration in which the motion begins.
         target: What it must achieve.
-        waves: Number of sines of curve and loop.
+        shape: What curve and loop are made of.
         loops: How many times the loop is run through; 0 for none.
         check_time: Called at every evaluation; it may raise an error to end the search.
+        collisions: The bodies of the arm that must not meet; None if they do not count.
     """
 
     def __init__(
         self,
         start: Configuration,
         target: Target,
-        waves: int,
+        shape: Shape,
         loops: int = 0,
         check_time: Callable[[], None] = lambda: None,
+        collisions: Collisions | None = None,
     ) -> None:
-        self.start, self.target, self.waves, self.loops = start, target, waves, loops
+        self.start, self.target, self.shape, self.loops = start, target, shape, loops
         self._check_time = check_time
+        bodies = collisions is not None and len(collisions.distances(start.q)) > 0
+        self._collisions = collisions if bodies else None
         self.arm: SpaceArm = start.arm
-        self.family = CurveFamily(self.arm, start.q, waves, INTERVALS)
+        self.family = CurveFamily(self.arm, start.q, shape, shape.intervals)
         det = evaluate(self.arm, start.q[None], ("determinant",))["determinant"][0]
         self.sense = math.copysign(1.0, det) if self._square else 1.0
         self._turns = list(turning_axes(self.arm))
@@ -145,12 +158,12 @@ class CurveOptimiser:
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.arm.n * (self.waves + 1 + (self.waves if self.loops else 0))
+        return self.arm.n * (self.shape.count + 1 + (self.shape.count if self.loops else 0))
 
     def parts(self, x: Array) -> list[Array]:
-        """Return the coefficients (waves + 1, n) of the curve, and of the loop if there is one."""
+        """Return the coefficients (count + 1, n) of the curve, and of the loop if there is one."""
         p = x.reshape(-1, self.arm.n)
-        curve, loop = p[: self.waves + 1], p[self.waves + 1 :]
+        curve, loop = p[: self.shape.count + 1], p[self.shape.count + 1 :]
         return [curve, np.vstack((self.start.q, loop))] if self.loops else [curve]
 
     @property
@@ -172,7 +185,10 @@ class CurveOptimiser:
             Q = self.family.points(p)
             at = self.family.samples(p, Q)
             turns.append((at.turn, at.dphi))
-            for gap, slope in (self._singularity_margins(Q, at), self._limit_margins(Q)):
+            margins = [self._singularity_margins(Q, at), self._limit_margins(Q)]
+            if self._collisions is not None:
+                margins.append(self._contact_margins(self._collisions, Q))
+            for gap, slope in margins:
                 wide = np.zeros((len(gap), self.size))
                 if i == 0:
                     end, wide[:, : p.size] = at, slope
@@ -241,8 +257,26 @@ class CurveOptimiser:
         slopes[each, :, j] = -sign[:, None] * self.family.basis[worst]
         return gap[worst, each], slopes.reshape(len(j), self.family.basis.shape[1] * self.arm.n)
 
-    def solve(self, x: Array, iterations: int = ITERATIONS) -> tuple[Array, bool]:
-        """Return the shortest motion near a guess x, and whether it keeps all constraints."""
+    def _contact_margins(self, collisions: Collisions, Q: Array) -> tuple[Array, Array]:
+        """Return how far the bodies of the arm stay from contact, and derivatives.
+
+        Least distances less `ROOM`, one for every few samples; by differences.
+        """
+        every = np.arange(0, len(Q), 2)
+        parts = np.array_split(every, -(-len(every) // TOGETHER))
+        gaps, slopes = [], []
+        for part in parts:
+            near = [collisions.gap(q) for q in Q[part]]
+            worst = min(range(len(part)), key=lambda i: near[i][0])
+            (gap, pair), i = near[worst], part[worst]
+            moved = Q[i] + NUDGE * np.eye(self.arm.n)
+            away = [(collisions.gap(q, pair)[0] - gap) / NUDGE for q in moved]
+            gaps.append(gap - ROOM)
+            slopes.append(np.outer(self.family.basis[i], away).ravel())
+        return np.array(gaps), np.array(slopes)
+
+    def solve(self, x: Array, iterations: int = ITERATIONS) -> Array:
+        """Return the shortest motion near a guess x; it need not keep all constraints."""
         solve: Any = minimize  # its stubs know no exact gradients of constraints
         result = solve(
             lambda x: self.cost(x)[0],
@@ -263,10 +297,7 @@ class CurveOptimiser:
             ),
             options={"maxiter": iterations, "ftol": 1e-4},
         )
-        values = self.values(result.x)
-        slack = 0.5 * min((MARGIN - 1.0) * self.target.clearance, INSET)
-        met = np.abs(values.end).max() < CLOSE and values.margins.min() > -slack
-        return result.x, bool(met)
+        return np.asarray(result.x)
 
     def refine(self, x: Array) -> list[Configuration]:
         """Return the rows of a motion, its end made exact by Newton's method.
@@ -314,7 +345,7 @@ class Samples(NamedTuple):
         r: (3,) the tip from the system CM there [m].
         R: (3, 3) attitude of the tip there.
         turn: (3, 3) rotation from the spacecraft axes at the end to those at the start.
-        dphi: (3, waves + 1, n) turn of the axes at the end per change of the curve.
+        dphi: (3, count + 1, n) turn of the axes at the end per change of the curve.
     """
 
     J: Array
@@ -326,22 +357,23 @@ class Samples(NamedTuple):
 
 
 class CurveFamily:
-    """The curves with some number of sines from one configuration.
+    """The curves of some shape from one configuration.
 
-    A curve is the vector p = (q_1, c_1, ..., c_waves), (waves + 1, n).
+    A curve is the vector p = (q_1, c_1, ..., c_count), (count + 1, n).
 
     Args:
         arm: The arm.
         q0: (n,) joint positions at the start of the curves.
-        waves: Number of sines.
+        shape: What the curves are made of.
         intervals: Steps of the integration along a curve.
     """
 
-    def __init__(self, arm: SpaceArm, q0: Array, waves: int, intervals: int) -> None:
+    def __init__(self, arm: SpaceArm, q0: Array, shape: Shape, intervals: int) -> None:
         self.arm, self.q0, self.h = arm, q0, 1.0 / intervals
+        self.shape = shape
         s = np.add.outer(np.arange(intervals), GAUSS).ravel() / intervals
         self.s = np.append(s, 1.0)
-        self.basis, self.slope = sines(self.s, waves)
+        self.basis, self.slope = self.shape.at(self.s)
         self._lengths = np.append(np.full(intervals, self.h), 0.0)
 
     def points(self, p: Array) -> Array:
@@ -366,30 +398,94 @@ class CurveFamily:
         )  # fmt: skip
 
     def rows(self, p: Array, m: int) -> Array:
-        """Return joint positions (m + 1, n) at even steps of s."""
-        basis, _ = sines(np.linspace(0.0, 1.0, m + 1), len(p) - 1)
+        """Return joint positions (>= m + 1, n) at even steps of s, all corners among them."""
+        m = -(-m // self.shape.pieces) * self.shape.pieces
+        basis, _ = self.shape.at(np.linspace(0.0, 1.0, m + 1))
         return self.q0 + basis @ (p - self._offset)
 
     @cached_property
     def _offset(self) -> Array:
-        """(waves + 1, n) q_0 in the row of q_1: the curve depends on their difference."""
+        """(count + 1, n) q_0 in the row of q_1: the curve depends on their difference."""
         offset = np.zeros((self.basis.shape[1], self.arm.n))
         offset[0] = self.q0
         return offset
 
     def length_squared(self, p: Array) -> tuple[float, Array]:
         """Return the integral of |q'|^2, least for the shortest curve, and its gradient."""
-        weight = np.append(1.0, 0.5 * (np.pi * np.arange(1, len(p))) ** 2)[:, None]
         d = p - self._offset
-        return float((weight * d * d).sum()), 2.0 * weight * d
+        weighed = np.vstack((d[:1], self.shape.weights @ d[1:]))
+        return float((d * weighed).sum()), 2.0 * weighed
 
 
-def sines(s: Array, waves: int) -> tuple[Array, Array]:
-    """Return the functions s and sin(j pi s) (m, waves + 1), and their slopes but the last."""
-    j = np.pi * np.arange(1, waves + 1)
-    basis = np.column_stack((s, np.sin(np.outer(s, j))))
-    slope = np.column_stack((np.ones(len(s) - 1), j * np.cos(np.outer(s[:-1], j))))
-    return basis, slope
+@dataclass(frozen=True)
+class Sines:
+    """Curves that are a straight line and sines.
+
+    Attributes:
+        count: Number of sines.
+    """
+
+    count: int
+
+    @property
+    def pieces(self) -> int:
+        """Number of pieces that curves are smooth on."""
+        return 1
+
+    @property
+    def intervals(self) -> int:
+        """Steps of the integration along a curve."""
+        return INTERVALS
+
+    @property
+    def weights(self) -> Array:
+        """Integrals (count, count) of the products of the slopes b_j'."""
+        return np.diag(0.5 * (np.pi * np.arange(1, self.count + 1)) ** 2)
+
+    def at(self, s: Array) -> tuple[Array, Array]:
+        """Return the functions s and b_j(s) (m, count + 1), and their slopes but the last."""
+        j = np.pi * np.arange(1, self.count + 1)
+        basis = np.column_stack((s, np.sin(np.outer(s, j))))
+        slope = np.column_stack((np.ones(len(s) - 1), j * np.cos(np.outer(s[:-1], j))))
+        return basis, slope
+
+
+@dataclass(frozen=True)
+class Corners:
+    """Curves that are straight from corner to corner, as long on s each.
+
+    Attributes:
+        count: Number of corners between start and end.
+    """
+
+    count: int
+
+    @property
+    def pieces(self) -> int:
+        """Number of pieces that curves are smooth on."""
+        return self.count + 1
+
+    @property
+    def intervals(self) -> int:
+        """Steps of the integration along a curve, the same for all pieces."""
+        return self.pieces * EACH
+
+    @property
+    def weights(self) -> Array:
+        """Integrals (count, count) of the products of the slopes b_j'."""
+        neighbours = np.eye(self.count, k=1) + np.eye(self.count, k=-1)
+        return self.pieces * (2.0 * np.eye(self.count) - neighbours)
+
+    def at(self, s: Array) -> tuple[Array, Array]:
+        """Return the functions s and b_j(s) (m, count + 1), and their slopes but the last."""
+        beyond = self.pieces * s[:, None] - np.arange(1, self.count + 1)
+        near = np.abs(beyond) < 1.0
+        slope = -self.pieces * near * np.sign(beyond)
+        basis = np.column_stack((s, near * (1.0 - np.abs(beyond))))
+        return basis, np.column_stack((np.ones(len(s) - 1), slope[:-1]))
+
+
+Shape: TypeAlias = Sines | Corners
 
 
 def sides(away: Array, distance: Array) -> Array:

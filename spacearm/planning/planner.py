@@ -54,8 +54,9 @@ def plan(
 
     Methods, in the order in which "auto" tries them: "straight", a line of the tip by J*; "tree",
     straight joint motions grown at random until one arrives, then shortened; "joint space", the
-    shortest joint curve that arrives; "cycles", a closed loop in joint space that turns
-    the spacecraft, run through as often as it takes, then a curve to the goal; "attitude first", a
+    shortest joint curve that arrives; "roadmap", straight pieces by way of other postures, whose
+    turns of the spacecraft add up; "cycles", a closed loop in joint space that turns the
+    spacecraft, run through as often as it takes, then a curve to the goal; "attitude first", a
     joint motion that turns the spacecraft to an attitude from which the line is free (Nanos &
     Papadopoulos, 2015).
 

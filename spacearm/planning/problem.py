@@ -56,6 +56,10 @@ OTHER_POSTURE = (
 """What to relax where det J* has another sign at the goal."""
 
 
+class InContactError(NoSolutionError):
+    """Bodies meet on a motion that keeps all other constraints."""
+
+
 @dataclass
 class Problem:
     """What a joint motion must achieve at zero momentum, and the check of it.
@@ -167,7 +171,7 @@ class Problem:
                 where = arm.in_words(proof.at)
                 raise self._failure("singular", f"a singularity {met} at q = {where}")
         if (contact := self.contact(rows[0], q, rows=rows)) is not None:
-            raise NoSolutionError(str(contact))
+            raise InContactError(str(contact))
         return rows
 
     @property

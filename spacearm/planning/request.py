@@ -24,7 +24,7 @@ from spacearm.signatures import checked
 
 FARTHEST = 1.0
 """Largest clearance [rad]: the distance to the singular set is too rough beyond."""
-METHODS = ("auto", "straight", "joint space", "cycles", "attitude first", "tree")
+METHODS = ("auto", "straight", "joint space", "roadmap", "cycles", "attitude first", "tree")
 
 
 @checked

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
+from scipy.interpolate import BSpline, PPoly
 
 from spacearm.arrays import Array, plain, read_only
 from spacearm.collisions.obstacles import Obstacle
@@ -19,7 +20,13 @@ from spacearm.model.arm import AT_REST, Configuration, SpaceArm
 from spacearm.motion.motion import AnyMotion, Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.planning.many_curves import FlownRows
-from spacearm.planning.timing import corners, largest_rates, rest_to_rest_spline, rest_to_rest_times
+from spacearm.planning.timing import (
+    corners,
+    largest_rates,
+    rest_to_rest_spline,
+    rest_to_rest_times,
+    smooth,
+)
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.tubes import of_spline
 from spacearm.results import Cell, Description, Measure, Result, Table
@@ -150,11 +157,23 @@ class Plan(Motion):
         """(m, n) joint accelerations [rad/s^2] or [m/s^2], zero at both ends and at corners."""
         return self._rates(2)
 
+    @cached_property
+    def spline(self) -> PPoly:
+        """Joint positions (n,) over time as flown: quintic through the rows, at rest at corners."""
+        return rest_to_rest_spline(self.t, self.q)
+
+    @cached_property
+    def wheel_spline(self) -> BSpline | None:
+        """What wheels hold (w,) over time [N m s], where a floating spacecraft is detumbled."""
+        if self.mode != FLOATING or not self.wheels.size or not np.ptp(self.wheels, axis=0).any():
+            return None
+        return smooth(self.t, self.wheels)
+
     def _rates(self, order: int) -> Array:
         """Return the derivatives (m, n) of the joint positions."""
         if len(self) == 1:
             return read_only(np.zeros_like(self.q))
-        rates = rest_to_rest_spline(self.t, self.q)(self.t, order)
+        rates = self.spline(self.t, order)
         rates[corners(np.diff(self.q, axis=0))] = 0.0  # without rounding
         return read_only(rates)
 
@@ -182,7 +201,7 @@ class Plan(Motion):
         """(pieces, 6, n) control points of the splines that are flown."""
         if len(self) == 1:
             return super().control_points
-        return of_spline(rest_to_rest_spline(self.t, self.q), SPLINE)
+        return of_spline(self.spline, SPLINE)
 
     @cached_property
     def nearest(self) -> NearestSingular | None:
@@ -288,7 +307,9 @@ class Plan(Motion):
         return f"Plan({self.arm.label}, {way}, {len(self)} rows)"
 
 
-def landed(plan: AnyMotion, attitude: Array | None = None) -> AnyMotion:
+def landed(
+    plan: AnyMotion, attitude: Array | None = None, on_the_way: Sequence[int] = ()
+) -> AnyMotion:
     """Return a plan bent a little, so that it ends as flown with the attitude that it should.
 
     Motions that are no plans stay.
@@ -296,6 +317,7 @@ def landed(plan: AnyMotion, attitude: Array | None = None) -> AnyMotion:
     Args:
         plan: The plan.
         attitude: (3, 3) the attitude; that of its last row if None.
+        on_the_way: Numbers of rows that it passes with their attitudes, too.
 
     Raises:
         NoSolutionError: It cannot be; carries the rows.
@@ -303,8 +325,10 @@ def landed(plan: AnyMotion, attitude: Array | None = None) -> AnyMotion:
     if not isinstance(plan, Plan) or plan.mode != FLOATING or len(plan) == 1:
         return plan
     start, h = plan[0], plan.momentum[0, :3]
+    wanted = {i: plan[i].base.rotation for i in on_the_way}
+    wanted[len(plan) - 1] = plan[-1].base.rotation if attitude is None else attitude
     try:
-        rows = plan._flown.landed(plan[-1].base.rotation if attitude is None else attitude)
+        rows = plan._flown.landed(wanted)
     except NoSolutionError as error:
         raise NoSolutionError(str(error), [*plan]) from None
     pairs = zip(rows.q, rows.attitudes(parts=2), strict=True)

@@ -11,6 +11,7 @@ from matplotlib.patches import Wedge
 from spacearm.errors import ConfigurationError
 from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.mission.budget import MomentumBudget
+from spacearm.mission.catching import Catch
 from spacearm.mission.level import LevelEnvelope, LevelReach
 from spacearm.mission.reactions import PERCENTILES, Reaction, WheelSizing
 from spacearm.plots.style import (
@@ -50,6 +51,45 @@ def draw_attitudes(result: FeasibleAttitudes, *, ax: Any = None) -> Figure:
         axes = axes_for(ax, 8.4, 5.0)
         _draw_directions(axes, result)
     return axes.figure
+
+
+@draws(Catch)
+def draw_catch(result: Catch, *, ax: Any = None) -> Figure:
+    """Draw over time how near the grapple frame and the singular set are, and the joint rates.
+
+    Args:
+        result: The catch.
+        ax: Three axes, or a figure or subfigure; None for a new figure.
+    """
+    _, panels = panels_for(ax, lambda whole: whole.subplots(3, 1, sharex=True), 8.0, 7.2)
+    gap, clear, rates = panels
+    way, target, brake = result.approach, result.target, result.brake
+    places = [target.at(float(t), result.grapple).pose.translation for t in way.t]
+    gap.plot(way.t, np.linalg.norm(way.tip[:, :3] - places, axis=1), color=BLUE)
+    gap.set(ylabel="tip to grapple\nframe [m]", ylim=(0.0, None))
+    clear.plot(way.t, np.degrees(way.distance), color=GREEN, label="found")
+    clear.axhline(np.degrees(result.distance_proven), color=GREY, ls=":", label="proven")
+    clear.set(ylabel="to the nearest singular\nposture [°]", ylim=(0.0, None))
+    clear.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    begin, standing = result.begin, result.begin + result.plan.t[-1]
+    t = np.concatenate(
+        (result.begin + result.plan.t, standing + result.chase.t, result.t + brake.t)
+    )
+    all_rates = np.degrees(np.concatenate((result.plan.dq, result.chase.dq, brake.dq)))
+    for j, name in enumerate(way.arm.joint_names):
+        rates.plot(t, all_rates[:, j], color=COLOURS[j % len(COLOURS)], label=name)
+    rates.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    slides = "°/s, m/s" if way.arm.slides.any() else "°/s"
+    rates.set(xlabel="time [s]", ylabel=f"joint rates [{slides}]")
+    for panel in panels:
+        for when in (begin, standing, result.t):
+            panel.axvline(when, color=GREY, lw=0.8, ls="--", zorder=0)
+    entitle(
+        gap,
+        f"{way.arm.name} catches {target.name}: moves at {begin:.3g} s, at the stand-off at "
+        f"{standing:.3g} s, contact at {result.t:.4g} s",
+    )
+    return gap.figure
 
 
 @draws(Reaction)

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
+from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import SpaceArm
 from spacearm.results import Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
@@ -118,7 +119,8 @@ def risk_profile(
 
     Raises:
         ConfigurationError: bins, samples or the bounds are not valid.
-        UnsupportedError: The arm has several tips, or a prismatic joint without limits.
+        UnsupportedError: The arm has several tips or a prismatic joint without limits, or can never
+            do its task.
         StoppedError: Ctrl-C; carries the profile of the configurations done.
 
     Example:
@@ -239,7 +241,8 @@ def pose_risk(
     Raises:
         ConfigurationError: A number is not valid, or there are fewer samples than poses or
             neighbours.
-        UnsupportedError: The arm has several tips, or a prismatic joint without limits.
+        UnsupportedError: The arm has several tips or a prismatic joint without limits, or can never
+            do its task.
 
     Example:
         >>> import spacearm as sa
@@ -271,6 +274,7 @@ def pose_risk(
 
 def _near(arm: SpaceArm, sigma_min: float | None, distance: float | None) -> tuple[str, float, str]:
     """Return what measures whether a configuration is near, up to which value, and its unit."""
+    require_possible(arm, FLOATING)
     if sigma_min is not None and distance is not None:
         raise ConfigurationError(
             f"sigma_min is {sigma_min} and distance {distance}; give only one of them to say what "

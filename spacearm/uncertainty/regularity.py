@@ -6,14 +6,15 @@ in the middle of a box of parameters, and of each link a polynomial of its own p
 which lies between its Bernstein coefficients. Those of different links only add up, so that the
 number of parameters does not matter.
 
-Along a segment the elements of M are trigonometric polynomials of degree up to 3 in each joint, and
-so of exponential type tau = 3 sum |dq| on [-1, 1], dq half of the segment. By Bernstein's
-inequality interpolation at d Chebyshev nodes is off by at most tau^d / (2^(d-1) d!) of their bound.
+Along a chord of the path the elements of M are trigonometric polynomials of degree up to 3 in each
+joint, and so of exponential type tau = 3 sum |dq| on [-1, 1], dq half of the chord. By Bernstein's
+inequality interpolation at d Chebyshev nodes is off by at most tau^d / (2^(d-1) d!) of their bound,
+and where the path leaves its chord by e it changes them by at most 3 sum |e| of it.
 
 With X the inverse (of redundant arms the pseudoinverse) of M in the middle, M X = 1 + E. Where
 |E| <= R element by element, and R v < v for some v > 0, no such M is singular: M is strongly
-regular, Neumaier, Interval Methods for Systems of Equations (1990), section 4.1. Else the segment
-or the box is halved, by what makes most of R. Two arms between which det(M) changes its sign have a
+regular, Neumaier, Interval Methods for Systems of Equations (1990), section 4.1. Else the path or
+the box is halved, by what makes most of R. Two arms between which det(M) changes its sign have a
 singular one between them.
 """
 
@@ -40,11 +41,11 @@ from spacearm.model.arm import SpaceArm
 from spacearm.uncertainty.intervals import UncertainArm
 
 NODES = 7
-"""Chebyshev nodes of a segment; an odd number, so that one is in the middle."""
+"""Chebyshev nodes of a chord; an odd number, so that one is in the middle."""
 DEGREE = 3
 """Largest degree of an element of M in a joint."""
 LONGEST = 2.0
-"""Largest tau of the first segments."""
+"""Largest tau of the first chords."""
 ROUNDING = 1e-12
 """Share of the bound of M that covers the rounding of its elements and of what follows."""
 SURE = 1e-10
@@ -63,7 +64,7 @@ DEPENDENT = 1e-10
 
 Booleans = npt.NDArray[np.bool_]
 Place: TypeAlias = tuple[float, Array]
-"""Where on the path, counted in rows, and the parameters (p,) of an arm."""
+"""Where on the path, and the parameters (p,) of an arm."""
 
 
 class Finding(NamedTuple):
@@ -86,8 +87,8 @@ class Pieces(NamedTuple):
     """Pieces of a path and of the box of parameters, k of them.
 
     Attributes:
-        begin: (k,) where on the path each begins, counted in rows.
-        end: (k,) where it ends, between the same rows.
+        begin: (k,) where on the path each begins, counted in pieces of the path.
+        end: (k,) where it ends, in the same piece.
         low: (k, p) least shares of the parameters.
         high: (k, p) largest shares.
     """
@@ -99,7 +100,7 @@ class Pieces(NamedTuple):
 
     @property
     def widest(self) -> Array:
-        """(k,) the longest side of each, in rows or as a share."""
+        """(k,) the longest side of each, as a share."""
         sides = np.column_stack((self.end - self.begin, self.high - self.low))
         return np.asarray(sides.max(axis=1))
 
@@ -154,11 +155,11 @@ class Momenta:
 
     Attributes:
         uncertain: The arm.
-        rows: (m, n) corners of the path.
+        way: (m, d, n) control points of the pieces of the path.
     """
 
     uncertain: UncertainArm
-    rows: Array
+    way: Array
 
     @cached_property
     def links(self) -> list[list[int]]:
@@ -233,29 +234,37 @@ class Momenta:
 
     def first(self) -> Pieces:
         """Return the pieces to begin with."""
-        tau = self._tau(np.arange(len(self.rows) - 1), 0.5)
+        tau = self._turns(0.5 * np.abs(np.diff(self.way, axis=1)).sum(axis=1))
         counts = np.maximum(np.ceil(tau / LONGEST), 1.0).astype(int)
         edges = [i + np.linspace(0.0, 1.0, count + 1) for i, count in enumerate(counts)]
         begin, end = (np.concatenate([x[part] for x in edges]) for part in (np.s_[:-1], np.s_[1:]))
         box = np.ones((len(begin), len(self.degrees)))
         return Pieces(begin, end, 0.0 * box, box)
 
-    def _tau(self, segment: npt.NDArray[np.int_], half: Array | float) -> Array:
-        step = np.abs(np.diff(self.rows, axis=0)[segment]) @ self._gains.T
-        return np.asarray(DEGREE * step.sum(axis=1) * half)
+    def _turns(self, dq: Array) -> Array:
+        """Return how much joint motions (k, n) change M at most, as a share of its bound, (k,)."""
+        return np.asarray(DEGREE * (np.abs(dq) @ self._gains.T).sum(axis=1))
 
-    def position(self, t: Array, segment: npt.NDArray[np.int_]) -> Array:
-        """Return the places (k, n) on the path at t (k,), counted in rows."""
-        step = self.rows[segment + 1] - self.rows[segment]
-        return np.asarray(self.rows[segment] + (t - segment)[:, None] * step)
+    def position(self, t: Array) -> Array:
+        """Return the places (k, n) on the path at t (k,)."""
+        return self._control_points(t, t)[:, 0]
+
+    def _control_points(self, begin: Array, end: Array) -> Array:
+        """Return the control points (k, d, n) of parts of the path."""
+        d = self.way.shape[1] - 1
+        which = np.minimum(0.5 * (begin + end), len(self.way) - 0.5).astype(int)
+        x, low = np.linspace(0.0, 1.0, d + 1) if d else np.zeros(1), begin - which
+        inner = _bernstein(low[:, None] + x * (end - begin)[:, None], d)
+        return np.asarray(np.linalg.inv(_bernstein(x, d)) @ inner @ self.way[which])
 
     def enclosure(self, pieces: Pieces) -> Enclosure:
         """Enclose M X - 1 in each of k pieces."""
         k, angles = len(pieces.begin), np.pi * (np.arange(NODES) + 0.5) / NODES
-        middle, half = 0.5 * (pieces.begin + pieces.end), 0.5 * (pieces.end - pieces.begin)
-        segment = np.floor(middle).astype(int)
-        t = middle[:, None] + half[:, None] * np.cos(angles)
-        Q = self.position(t.ravel(), segment.repeat(NODES))
+        points = self._control_points(pieces.begin, pieces.end)
+        first, step = points[:, :1], points[:, -1:] - points[:, :1]
+        Q = (first + (0.5 + 0.5 * np.cos(angles))[:, None] * step).reshape(-1, points.shape[2])
+        evenly = np.linspace(0.0, 1.0, points.shape[1])[:, None]
+        leaves = np.abs(points - first - evenly * step).max(axis=1)
         whole = self.matrices(self.middle, Q)
         shape = (NODES, *whole.shape[1:])
         M, spread = whole.reshape(k, *shape), []
@@ -274,8 +283,8 @@ class Momenta:
             return np.asarray(np.abs(np.einsum("ls,...sij->...lij", waves, part)).sum(axis=-3))
 
         along = size(M @ X[:, None] - np.eye(X.shape[2]))
-        tau = self._tau(segment, half)
-        off = tau**NODES / (2.0 ** (NODES - 1) * factorial(NODES)) + ROUNDING
+        tau = self._turns(0.5 * step[:, 0])
+        off = tau**NODES / (2.0 ** (NODES - 1) * factorial(NODES)) + self._turns(leaves) + ROUNDING
         parts = [along + off[:, None, None] * (self.bound @ np.abs(X))]
         worst, corner = m.copy(), 0.5 * (pieces.low + pieces.high)
         for link, part in zip(self.links, spread, strict=True):
@@ -326,12 +335,12 @@ def _moments(arm: SpaceArm) -> Array:
     return np.concatenate((m.ravel(), (m * c).ravel(), about.ravel()))
 
 
-def look(uncertain: UncertainArm, rows: Array, progress: Progress | None = None) -> Finding:
-    """Prove that no arm is singular on the straight lines between rows, or find one that is.
+def look(uncertain: UncertainArm, way: Array, progress: Progress | None = None) -> Finding:
+    """Prove that no arm is singular on a path, or find one that is.
 
     Args:
         uncertain: The arm, with one tip.
-        rows: (m, n) corners of the path; one alone for a posture.
+        way: (m, d, n) control points of its pieces; see `polynomial.tubes`.
         progress: Called as progress(done, total) in pieces; the total grows with what is halved.
 
     Raises:
@@ -341,7 +350,7 @@ def look(uncertain: UncertainArm, rows: Array, progress: Progress | None = None)
     arm.require_one_tip()
     if arm.slides.any():
         raise UnsupportedError(f"{arm.name}: this proof takes no sliding joints; lock them")
-    momenta = Momenta(uncertain, rows if len(rows) > 1 else rows.repeat(2, axis=0))
+    momenta = Momenta(uncertain, way)
     most = min(MOST, MOST_ARMS // (1 + sum(map(len, momenta.arms))))
     open_, looked, known = momenta.first(), 0, dict[bool, Place]()
     for sign, place in _descent(momenta, open_):
@@ -372,7 +381,7 @@ def _descent(momenta: Momenta, pieces: Pieces) -> Iterator[tuple[bool, Place]]:
     Each has every parameter at that end of its interval which brought the last one nearer.
     """
     t = np.unique(np.linspace(pieces.begin, pieces.end, NODES))
-    Q = momenta.position(t, np.minimum(t.astype(int), len(momenta.rows) - 2))
+    Q = momenta.position(t)
     realise, p = momenta.uncertain.realise, len(momenta.degrees)
     shares = np.full(p, 0.5)
     for _ in range(DESCENT):
@@ -409,10 +418,9 @@ def _determinants(M: Array) -> Array:
 
 def _between(momenta: Momenta, low: Place, high: Place) -> tuple[Array, Array]:
     """Return parameters and position of a singular arm between two places, by bisection."""
-    last = len(momenta.rows) - 2
     for _ in range(BISECTIONS):
         t, shares = 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])
-        q = momenta.position(np.array([t]), np.array([min(int(t), last)]))
+        q = momenta.position(np.array([t]))
         arm = momenta.uncertain.realise(shares)
         negative = np.linalg.det(momenta.matrices(arm, q))[0] < 0.0
         low, high = ((t, shares), high) if negative else (low, (t, shares))

@@ -22,7 +22,7 @@ from spacearm.planning.request import Constraints, Joints, Search
 from spacearm.planning.result import Plan
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, Tone
 from spacearm.signatures import checked
-from spacearm.singularities.abstract_set import path_rows
+from spacearm.singularities.abstract_set import Path, control_points
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.sets import nearest_on_way
 from spacearm.uncertainty.intervals import UncertainArm
@@ -218,7 +218,7 @@ def distance_range(
     least, low = shares[int(np.argmin(found))], min(nominal, float(found.min()))
     itself = Finding(False, None, None, 0)
     with suppress(UnsupportedError):  # several tips, sliding joints: it stays open
-        itself = look(uncertain, q[None])
+        itself = look(uncertain, q[None, None])
     if itself.shares is not None:
         least, low = itself.shares, 0.0
     return DistanceRange(
@@ -243,7 +243,7 @@ def _found(arm: SpaceArm, q: Array) -> float:
 
 @checked
 def is_free_for_all(
-    uncertain: UncertainArm, path: npt.ArrayLike, *, progress: Progress | None = None
+    uncertain: UncertainArm, path: Path, *, progress: Progress | None = None
 ) -> RobustCertificate:
     """Prove that a path in joint space meets no singularity, for all values in the intervals.
 
@@ -257,7 +257,8 @@ def is_free_for_all(
 
     Args:
         uncertain: An arm with one tip and no sliding joints.
-        path: (m, n) joint positions, joined by straight segments.
+        path: (m, n) joint positions, joined by straight segments; or a motion: of plans the way
+            that is flown.
         progress: Called as progress(done, total) in pieces; the total grows with what is halved.
 
     Returns:
@@ -274,9 +275,9 @@ def is_free_for_all(
         >>> sa.is_free_for_all(about, np.radians([[-65, 30], [20, 60]])).free
         True
     """
-    rows, relevant = path_rows(uncertain.arm, path), uncertain.relevant()
+    way, relevant = control_points(uncertain.arm, path), uncertain.relevant()
     require_possible(uncertain.arm, FLOATING)
-    found = look(relevant, rows, progress)
+    found = look(relevant, way, progress)
     singular = found.shares is not None
     return RobustCertificate(
         free=found.free,
@@ -352,7 +353,7 @@ def robust_plan(
             )
         except NoSolutionError:
             break
-        proof = is_free_for_all(uncertain, last.q)
+        proof = is_free_for_all(uncertain, last)
         if proof:
             return last, proof
     raise NoSolutionError(

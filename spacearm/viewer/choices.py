@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array
 from spacearm.description.model_catalogue import catalogue
+from spacearm.description.readers.source import ROBOTS
 from spacearm.errors import ConfigurationError, ModelError, SpaceArmError, unknown
 from spacearm.files import write
 from spacearm.model.arm import Configuration, SpaceArm
@@ -60,7 +61,6 @@ def placement(value: object, what: str) -> pin.SE3:
     return pin.XYZQUATToSE3(pose)
 
 
-KINDS = (".urdf", ".xacro", ".xml", ".sdf")
 LONGEST_NAME = 60
 """Characters of a file's name that are kept."""
 MOST_WARNINGS = 5
@@ -113,6 +113,7 @@ def offered(arm: SpaceArm, origin: Origin) -> dict[str, Any]:
     robots = [info.name for info in catalogue()]
     return {
         "robots": robots,
+        "suffixes": ROBOTS,
         "robot": origin.source if origin.source in robots else None,
         "links": [link for link in tree.links if link in moved],
         "joints": list(dict.fromkeys((*arm.joint_names, *origin.locked, *arm.held))),
@@ -206,7 +207,7 @@ def _written(file: object, folder: Path) -> tuple[str, Path]:
         raise ConfigurationError("file: give its name and its text")
     name = Path(str(file.get("name"))).name
     kind = Path(name).suffix.lower()
-    if kind not in KINDS:
-        raise ConfigurationError(f"file {name[:LONGEST_NAME]!r} is none of {', '.join(KINDS)}")
+    if kind not in ROBOTS:
+        raise ConfigurationError(f"file {name[:LONGEST_NAME]!r} is none of {', '.join(ROBOTS)}")
     stem = re.sub(r"[^A-Za-z0-9_-]+", "_", Path(name).stem)[:LONGEST_NAME] or "robot"
     return name, write(folder / f"{stem}{kind}", text.encode("utf-8", "replace"))

@@ -145,13 +145,21 @@ def plan_to(
     )
 
 
-def planning(stage: Stage) -> Callable[..., Plan]:
-    """Return what plans a motion from the posture on show to the goal.
+def planning(stage: Stage) -> tuple[Callable[..., Plan], str]:
+    """Return what plans a motion from the posture on show to the goal, and the same as code.
 
     Raises:
         ConfigurationError: There is no goal.
     """
-    return partial(plan_to, _at_rest(stage.session.cfg), _goal(stage), stage.obstacles)
+    start, goal = _at_rest(stage.session.cfg), _goal(stage).copy()
+    pose = ", ".join(repr(float(x)) for x in pin.SE3ToXYZQUAT(goal))
+    missing = "  # without the obstacles on show: give them by constraints="
+    code = (
+        f"{stage.session.as_python(start)}goal = pin.XYZQUATToSE3(np.array([{pose}]))\n"
+        f"plan = sa.plan(cfg, goal, search=sa.Search(timeout={LONGEST:g}))"
+        f"{missing * bool(stage.obstacles)}\n"
+    )
+    return partial(plan_to, start, goal, stage.obstacles), code
 
 
 def layer(stage: Stage, what: object, path: object) -> tuple[str, Callable[..., Any]]:

@@ -224,12 +224,16 @@ class Session:
         """Return what the panel needs once: model, task, unit and joints."""
         return {**readouts.about(self.arm), "joints": readouts.joints(self.arm, *self.range)}
 
+    def as_python(self, cfg: Configuration) -> str:
+        """Write a configuration of the arm on show as Python code."""
+        source, _, locked, made, changed = self.origin
+        code = readouts.as_python(cfg, source, locked, made)
+        lacks = "# without what was changed in Python: locked joints, masses, lengths\n"
+        return lacks * changed + code
+
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
-        source, _, locked, made, changed = self.origin
-        code = readouts.as_python(self.cfg, source, locked, made)
-        if changed:
-            code = f"# without what was changed in Python: locked joints, masses, lengths\n{code}"
+        code = self.as_python(self.cfg)
         if self.spacecraft != "free-floating":
             code += f"report = sa.singularity(cfg, mode={self.spacecraft!r})\n"
         return {

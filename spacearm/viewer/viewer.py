@@ -58,6 +58,8 @@ class Viewer:
         self._stage = Stage(self.window, Session(cfg.arm, cfg), motion)
         self._given: Comparison | None = None
         self._job = BackgroundJob(self._lock, self._changed, self._finished)
+        self._plan: tuple[Motion | None, str] = (None, "")  # the last of the page, and as code
+        self._asked = ""  # the code of the one that is searched
 
     @property
     def session(self) -> Session:
@@ -386,7 +388,9 @@ class Viewer:
                     given = self._given.motion if self._given and other == "given" else None
                     self.compare(given or str(other or "") or None)
                 case "plan":
-                    self._job.start("plan", planning(stage), client)
+                    function, code = planning(stage)
+                    self._job.start("plan", function, client)
+                    self._asked = code
                 case "compute":
                     self._job.start(*layer(stage, asked.get("what"), asked.get("path")), client)
                 case "cancel":
@@ -434,7 +438,9 @@ class Viewer:
         """Show what a worker process has computed."""
         if name == "plan":
             self._given = None
-            self._stage.play(replace(result, arm=self.session.arm))
+            plan = replace(result, arm=self.session.arm)
+            self._plan = plan, self._asked
+            self._stage.play(plan)
         else:
             self._stage.show_computed(name, result)
 
@@ -450,6 +456,10 @@ class Viewer:
             state = {"hidden": sorted(stage.hidden), "t": stage.time, "played": stage.played}
             state |= {"motion": stage.motion is not None, "edition": self._edition}
             state |= {"legend": [key._asdict() for key in stage.legend]}
+            plan, code = self._plan
+            if plan is not None and plan is stage.motion:
+                at = plan.at(stage.time).q
+                state |= {"python": code} if np.array_equal(at, self.session.cfg.q) else {}
             return {**self.session.readout(), **state, **self._job.readout()}
 
     def draw(self) -> None:

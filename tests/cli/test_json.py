@@ -20,6 +20,13 @@ OBSTACLES = [
     for solid in ("sphere:0,0,9:0.1", "box:0,0,9:0.1", "cylinder:0,0,9:0.1,0.2")
     for word in ("--obstacle", solid)
 ]
+DEBRIS = """
+body = {name = "debris", mass = 60, size = [0.6, 0.6, 0.8]}
+pose = {xyz = [5.0, 0.25, -0.75], rpy = [0.1, 0.2, 0]}
+twist = [0, 0.002, 0, 0.02, 0.03, 0.02]
+grapples.side = {xyz = [-0.35, 0, 0], rpy = [0, 1.5707963, 0]}
+"""
+CAUGHT = (0, 0.6, 0, 1.2, 0, 0.8, 0, "--target", "debris.toml")
 COMMANDS = {
     "models": (),
     "info": ("mda6",),
@@ -35,6 +42,7 @@ COMMANDS = {
     "simulate": ("planar2", *LAW, "--with", "plant.limits=true"),
     "plan": ("planar2", *CM, "--goal", 0.9, 1.4, *OBSTACLES),
     "follow": ("planar2", *CM, "--path", "corners.csv"),
+    "catch": ("chaser7", *CAUGHT, "--window", "20,20", "--with", "wanted=1"),
     "detumble": (
         "wheels.urdf",
         *CM,
@@ -99,6 +107,7 @@ def folder(tmp_path_factory):
     ).save(here / "run.npz")
     text = with_wheels("planar2", (0, 0, 1))
     (here / "corners.csv").write_text("t,x,y\n2,1.2,1.2\n4,1.0,1.1\n", encoding="utf-8")
+    (here / "debris.toml").write_text(DEBRIS, encoding="utf-8")
     (here / "wheels.urdf").write_text(text, encoding="utf-8")
     return here
 

@@ -96,3 +96,53 @@ def check_page(text):
     assert "@media print" in text
     for command in re.findall(r"<code>python -c (.*?)</code>", text):
         assert "sa.plot(" in command
+
+
+TARGET = """
+pose = {xyz = [5.0, 0.25, -0.75], rpy = [0.1, 0.2, 0]}
+twist = [0, 0.002, 0, 0.02, 0.03, 0.02]
+[body]
+name = "debris"
+mass = 60
+size = [0.6, 0.6, 0.8]
+[grapples]
+side = {xyz = [-0.35, 0, 0], rpy = [0, 1.5707963, 0]}
+"""
+
+
+def test_a_tumbling_target_is_caught(tmp_path):
+    (tmp_path / "debris.toml").write_text(TARGET)
+    words = ("catch", "chaser7", 0, 0.6, 0, 1.2, 0, 0.8, 0, "--target", "debris.toml")
+    how = ("--window", "20,20", "--save", "way.npz", "--with", "wanted=1")
+    run = spacearm(*words, *how, cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "chaser7 and debris: caught by side after 20 s" in run.stdout
+    assert (tmp_path / "chaser7_catch.png").stat().st_size > 5000
+    way = sa.Motion.load(tmp_path / "way.npz", sa.load("chaser7"))
+    bus = sa.Bus(60, size=(0.6, 0.6, 0.8), name="debris")
+    side = sa.pose((-0.35, 0, 0), (0, 1.5707963, 0))
+    target = sa.Target(
+        bus,
+        sa.pose((5.0, 0.25, -0.75), (0.1, 0.2, 0)),
+        twist=(0, 0.002, 0, 0.02, 0.03, 0.02),
+        grapples={"side": side},
+    )
+    frame = target.at(20.0, "side").pose
+    np.testing.assert_allclose(way[-1].tip.homogeneous, frame.homogeneous, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("mass = 3", "unknown key 'mass'"),
+        ('pose = {xyz = [1, 2, 3]}\nname = "debris"', "a Target needs it"),
+        ('body = "none.urdf"', "none.urdf"),
+        ("[body]\nmass = 60", "size"),
+        ("[body]\nmass = 60\nsize = [1, 1, 1]\n[grapples]\na = {x = 1}", "unknown key 'x'"),
+    ],
+)
+def test_mistakes_of_a_target_are_named(tmp_path, text, words):
+    (tmp_path / "debris.toml").write_text(text)
+    run = spacearm("catch", "planar2", 0.3, 1.2, "--target", "debris.toml", cwd=tmp_path)
+    assert run.returncode == 2
+    assert words in run.stderr

@@ -168,6 +168,7 @@ def test_mimics_of_fixed_joints_are_fixed():
 
 
 END = "</robot>"
+WELD = '<joint name="w" type="fixed"><parent link="world"/><child link="bus"/></joint></robot>'
 CHANGES = {
     "a namespace": ("<robot ", '<robot xmlns="http://www.ros.org" '),
     "another namespace": ("<robot ", '<robot xmlns:sensor="http://a.org/b#sensor" '),
@@ -176,6 +177,7 @@ CHANGES = {
         '<drake:joint name="elbow" ignition:frame="arm"/></robot>',
     ),
     "a blank line before the declaration": ("<?xml", "\n  <?xml"),
+    "a world that is not declared": (END, WELD),
     "a version of XML that there is not": ('version="1.0"', 'version="0.0"'),
     "a joint with the name of the free joint": ('"elbow"', '"root_joint"'),
     "no name": (' name="r"', ""),

@@ -243,6 +243,12 @@ GRIPPERS = {
             *(finger(f"{name}_3", f"{name}_2", xyz=(0.02, 0, 0)) if name != "p" else ()),
         )
     ],
+    "a thumb of more joints than the fingers": [
+        *finger("p", "l_4", "revolute", xyz=(0.02, 0, 0)),
+        *finger("q", "l_4", "revolute", xyz=(0.02, 0.02, 0)),
+        *finger("r", "l_4", "revolute", xyz=(0.02, -0.02, 0)),
+        *finger("r_2", "r", "revolute", xyz=(0.05, 0, 0)),
+    ],
     "two of two joints, as heavy as the arm": [
         part
         for name, y in (("a", 0.1), ("b", -0.1))

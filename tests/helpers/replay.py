@@ -8,8 +8,8 @@ from scipy.interpolate import make_interp_spline
 import spacearm as sa
 
 
-def replay(plan):
-    """The end, and the largest turn on the way, by DOP853 on w = D^-1 (h - D_q dq).
+def replay(plan, row=None):
+    """The end, or a row, and the largest turn up to it, by DOP853 on w = D^-1 (h - D_q dq).
 
     The joints follow what `sa.Tracking` wants of them, the wheels a quintic spline.
     """
@@ -30,12 +30,13 @@ def replay(plan):
         cfg = arm.at(q, base=pin.SE3(U @ Vt, np.zeros(3)), momentum=kept)
         return (pin.skew(sa.base_velocity(cfg, dq)[3:]) @ T.reshape(3, 3)).ravel()
 
-    T, attitudes = start.base.rotation.ravel(), []
-    for t in zip(plan.t, plan.t[1:], strict=False):
+    row = len(plan) - 1 if row is None else row
+    T, attitudes = start.base.rotation.ravel(), [start.base.rotation]
+    for t in zip(plan.t[:row], plan.t[1:], strict=False):
         run = solve_ivp(rate, t, T, method="DOP853", rtol=1e-10, atol=1e-11)
         T = run.y[:, -1]
         attitudes += [column.reshape(3, 3) for column in run.y.T]
     U, _, Vt = np.linalg.svd(T.reshape(3, 3))
     turn = max(np.linalg.norm(pin.log3(start.base.rotation.T @ A)) for A in attitudes)
-    com = start.com + h[:3] / arm.mass * plan.t[-1]
-    return arm.at(plan.q[-1], base=pin.SE3(U @ Vt, np.zeros(3))).centred(com), turn
+    com = start.com + h[:3] / arm.mass * plan.t[row]
+    return arm.at(plan.q[row], base=pin.SE3(U @ Vt, np.zeros(3))).centred(com), turn

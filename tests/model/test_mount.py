@@ -240,6 +240,34 @@ def test_names_that_are_taken_are_refused():
         sa.mount("vispa", SERVICER, name="")
 
 
+BUSES = {
+    "bus.urdf": robot(link("hull", 80.0, inertia=np.diag([7.0, 8.0, 9.0]))),
+    "bus.xml": """<mujoco><worldbody><body name="hull">{}<inertial pos="0 0 0" mass="80"
+        diaginertia="7 8 9"/></body></worldbody></mujoco>""",
+    "bus.sdf": """<sdf version="1.9"><model name="r"><link name="hull"><inertial><mass>80</mass>
+        <inertia><ixx>7</ixx><iyy>8</iyy><izz>9</izz><ixy>0</ixy><ixz>0</ixz><iyz>0</iyz></inertia></inertial>
+        </link></model></sdf>""",
+}
+
+
+@pytest.mark.parametrize("base", ["", "<freejoint/>"])
+@pytest.mark.parametrize("name", BUSES)
+def test_a_bus_without_joints_from_a_file_of_any_format(name, base, tmp_path):
+    path = saved(BUSES[name].format(base), tmp_path, name)
+    reference = sa.mount("vispa", sa.Bus(mass=80, inertia=np.diag([7, 8, 9]), name="hull"), ON_TOP)
+    same(sa.mount("vispa", path, at=ON_TOP, name="vispa"), reference)
+    with pytest.raises(sa.ModelError, match=r"no joint (that )?can move"):
+        sa.load(path)
+
+
+def test_a_bus_without_joints_of_pinocchio(tmp_path):
+    path = saved(BUSES["bus.urdf"], tmp_path, "bus.urdf")
+    bus = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
+    same(
+        sa.mount("vispa", bus, ON_TOP, name="vispa"), sa.mount("vispa", path, ON_TOP, name="vispa")
+    )
+
+
 def test_a_bus_with_panels_from_its_own_urdf(tmp_path):
     """Panels are held at zero, or count if they are to; locked ones are part of the bus."""
     wing = link("wing", 3.0, (0, 0.5, 0), np.diag([0.3, 0.1, 0.3]))

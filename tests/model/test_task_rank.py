@@ -136,6 +136,8 @@ def test_what_the_tip_can_do_depends_on_what_the_spacecraft_does():
         sa.singular_set,
         sa.singular_map,
         sa.workspace,
+        sa.risk_profile,
+        sa.pose_risk,
         lambda arm: sa.plan(arm.at([0.3, 0.4]), [0.5, 0.1, 0.2]),
         lambda arm: sa.free_box(arm.at([0.3, 0.4])),
         lambda arm: sa.follow(arm.at([0.3, 0.4]), np.zeros((3, 3))),

@@ -9,7 +9,7 @@ import spacearm as sa
 from spacearm.mechanics.floating import walk
 from spacearm.planning.guesses import INTERVALS, FreeSpace, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns
-from spacearm.planning.optimiser import CurveFamily, CurveOptimiser, Target, sides
+from spacearm.planning.optimiser import CurveFamily, CurveOptimiser, Sines, Target, sides
 
 
 def test_a_curve_that_crosses_what_divides_joint_space_changes_sides():
@@ -25,7 +25,7 @@ def test_a_curve_that_crosses_what_divides_joint_space_changes_sides():
 @pytest.mark.parametrize("name", ["planar2", "mda6", "chaser7"])
 def test_many_curves_turn_the_spacecraft_as_each_alone(name):
     arm, rng = sa.load(name), np.random.default_rng(1)
-    family = CurveFamily(arm, rng.normal(size=arm.n), 3, INTERVALS)
+    family = CurveFamily(arm, rng.normal(size=arm.n), Sines(3), INTERVALS)
     curves = rng.normal(size=(5, 4, arm.n))
     Q = np.array([family.points(p)[:-1] for p in curves])
     rates = np.array([family.slope @ (p - family._offset) for p in curves])
@@ -95,7 +95,7 @@ def test_guesses_arrive_and_are_free(name, way):
     free = [guess for guess in guesses if guess.room > 0.0][:5]
     assert free
     for guess in free:
-        optimiser = CurveOptimiser(start, target, 3, guess.loops)
+        optimiser = CurveOptimiser(start, target, Sines(3), guess.loops)
         motion = walk(start, optimiser.positions(guess.x))
         assert (
             np.linalg.norm(optimiser.target.missed(motion[0], motion[-1])) < 5e-3

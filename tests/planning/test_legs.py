@@ -33,6 +33,18 @@ def test_the_tip_passes_the_goals_on_the_way(arm):
     assert [a.story[:5] for a in plan.tried if a.arrived] == ["leg 1", "leg 2", "leg 3"]
 
 
+@pytest.mark.parametrize("name", ["planar3", pytest.param("mda6", marks=pytest.mark.slow)])
+def test_the_tip_passes_the_goals_on_the_way_as_flown(name):
+    arm = sa.load(name)
+    q = np.radians([20.0, 60.0, -100.0, -50.0, 30.0, 10.0])[: arm.n]
+    goals = [arm.at(q + 0.1 * i).tip for i in (1, 2, 3)]  # the joints do not rest on the way
+    plan = sa.plan(arm.at(q), goals[-1], via=goals[:-1])
+    for goal in goals:
+        off = [np.linalg.norm(cfg.tip.translation - goal.translation) for cfg in plan]
+        there, _ = replay(plan, int(np.argmin(off)))
+        np.testing.assert_allclose(there.tip.homogeneous, goal.homogeneous, atol=1e-7)
+
+
 def test_the_attitude_is_kept_by_way_of_other_goals():
     pair = planar_pair("left", "all")
     q0 = np.array([2.2, 0.9, 0.6, -0.9])

@@ -10,7 +10,7 @@ from helpers.commands import spacearm
 from helpers.replay import replay
 
 import spacearm as sa
-from spacearm.planning.optimiser import CurveFamily, CurveOptimiser, Target
+from spacearm.planning.optimiser import CurveFamily, CurveOptimiser, Sines, Target
 from spacearm.planning.timing import largest_rates, rest_to_rest_times
 from spacearm.plots.motions import draw_motion
 
@@ -184,7 +184,7 @@ def test_gradients_of_the_cost_and_of_all_constraints_but_the_clearance(name, lo
     q = np.full(arm.n, 0.7)
     goal = arm.at(q + 0.2).tip
     target = Target(goal, None, pin.exp3(np.array([0, 0, 0.2])), 0.01, arm.lower, arm.upper)
-    optimiser = CurveOptimiser(arm.at(q), target, 2, loops)
+    optimiser = CurveOptimiser(arm.at(q), target, Sines(2), loops)
     optimiser._singularity_margins = lambda *_: (np.empty(0), np.empty((0, 3 * arm.n)))
     x = np.tile(q, 7)[: optimiser.size] + 0.2 * rng.normal(size=optimiser.size)
 
@@ -205,7 +205,7 @@ def test_slopes_of_the_clearance_near_the_singular_set(name):
     arm, rng = sa.load(name), np.random.default_rng(0)
     for q in sa.singular_set(arm).sample(3, rng) + 2e-3 * rng.normal(size=(3, arm.n)):
         target = Target(None, q + 0.1, None, 0.01, arm.lower, arm.upper)
-        optimiser = CurveOptimiser(arm.at(q), target, 1)
+        optimiser = CurveOptimiser(arm.at(q), target, Sines(1))
         x = np.concatenate((q, np.zeros(arm.n)))  # stays where it is
         values = optimiser.values(x)
         last = rows_of_singularity(values, arm) - 1  # the end of the curve
@@ -230,12 +230,12 @@ def test_the_holonomy_of_a_curve_converges_with_the_fourth_order():
     p = np.vstack((rng.uniform(-1, 1, 7), 0.3 * rng.normal(size=(3, 7))))
     turns = {}
     for intervals in (8, 16, 32, 128):
-        family = CurveFamily(arm, q0, 3, intervals)
+        family = CurveFamily(arm, q0, Sines(3), intervals)
         turns[intervals] = family.samples(p, family.points(p)).turn
     errors = [np.abs(turns[m] - turns[128]).max() for m in (8, 16, 32)]
     assert errors[0] > 10 * errors[1] > 100 * errors[2]
     moved = arm.at(q0)
-    for q in CurveFamily(arm, q0, 3, 8).rows(p, 4000)[1:]:
+    for q in CurveFamily(arm, q0, Sines(3), 8).rows(p, 4000)[1:]:
         moved = sa.move(moved, q)
     np.testing.assert_allclose(turns[128], moved.base.rotation, atol=1e-6)
 

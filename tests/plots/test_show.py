@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import xarray as xr
+from helpers.catching import caught
 from helpers.labels import touching
 from matplotlib.figure import Figure
 
@@ -65,6 +66,7 @@ def results():
             sa.feasible_attitudes(spatial.at(Q6), line(cfg), samples=72, refine=1),
             2,
         ),
+        "a catch": (caught(), 3),
         "a reaction": (sa.reaction(run), 4),
         "a level reach": (
             sa.level_reach(planar.at([-0.6, 1.4]), 0.03, directions=12, planned=True, cell=0.1),
@@ -275,7 +277,7 @@ def test_what_cannot_be_drawn_is_told_what_can(thing):
         plot(thing)
 
 
-WORDS_ALONE = ("RobustCertificate",)
+WORDS_ALONE = ("Certificate", "RobustCertificate")
 """Results that are a verdict: there is nothing to draw."""
 
 

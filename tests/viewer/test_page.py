@@ -318,6 +318,48 @@ def test_on_a_phone_the_panel_folds_away(browser):
     shut(viewer, page)
 
 
+def box(page, selector):
+    """Left, top, right and bottom of an element [px]."""
+    at = page.page.locator(selector).bounding_box()
+    return at["x"], at["y"], at["x"] + at["width"], at["y"] + at["height"]
+
+
+def apart(one, other):
+    return one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1280, 900, 800, 640, 390])
+def test_neither_map_nor_toolbar_hides_the_tip_at_any_width(browser, width):
+    """Opened so wide, or narrowed to it; after a step to the nearest singular posture too."""
+    viewer, page = opened(browser, sa.load("mda6").at(np.full(6, 0.5)), width=width, height=700)
+    narrowed = Page(browser, viewer.serve(), width=1400, height=700).ready()
+    assert narrowed.page.get_attribute("#mapfold", "aria-expanded") == "true"
+    narrowed.page.set_viewport_size({"width": width, "height": 700})
+    if page.page.get_attribute("#mapfold", "aria-expanded") == "false":
+        page.page.click("#mapfold")
+    for shown in (page, narrowed):
+        shown.page.bring_to_front()
+        for _ in range(2):
+            shown.until(lambda shown=shown: outside(shown) <= 0.95)
+            shown.page.evaluate("window.scrollTo(0, 0)")
+            drawing, tip = box(shown, "#drawing"), box(shown, "#grab circle")
+            assert apart(drawing, box(shown, "#map"))
+            assert apart(drawing, box(shown, "#panel"))
+            assert not apart(drawing, tip)
+            buttons = shown.page.locator("#view button:visible")
+            for i in range(buttons.count()):
+                button = buttons.nth(i).bounding_box()
+                assert drawing[0] <= button["x"]
+                assert button["x"] + button["width"] <= drawing[2]
+                assert button["y"] + button["height"] <= tip[1]
+            if shown is narrowed:
+                break
+            shown.page.click("[data-do='nearest']")
+            shown.until(lambda shown=shown: "singularity" in shown.text("#kind"))
+    shut(viewer, page, narrowed)
+
+
 @pytest.mark.slow
 def test_a_tap_explains_a_symbol_and_a_control_works(browser):
     viewer, page = opened(

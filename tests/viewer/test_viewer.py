@@ -819,7 +819,8 @@ def test_what_an_address_has_brings_arm_and_posture_back(viewer):
 def test_a_file_that_is_dropped_is_read_with_all_checks(viewer):
     viewer.handle({"do": "arm", "file": {"name": "../my robot.urdf", "text": described()}})
     assert viewer.session.arm.tip == "tip"
-    assert "no visuals for bus" in viewer.readout()["note"] or viewer.readout()["note"] == ""
+    note = viewer.readout()["note"]
+    assert note.startswith("my_robot.urdf: the task 'x y' is impossible at every posture")
     line = next(one for one in viewer.readout()["python"].splitlines() if "sa.load" in one)
     assert "sa.load('my robot.urdf'" in line
     assert "the file dropped on the page" in line

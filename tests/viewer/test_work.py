@@ -23,6 +23,8 @@ with warnings.catch_warnings():  # meshcat imports what is deprecated
     from spacearm.viewer.jobs import BackgroundJob, plan_to
     from spacearm.viewer.layers import faces
 
+TURNED = pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.4])), np.zeros(3))
+
 
 def answers(function, *given):
     """What a worker answers, without its process."""
@@ -140,6 +142,25 @@ def test_obstacles_are_solid_and_count(monkeypatch):
     viewer.handle({"do": "goal"})
     viewer.handle({"do": "plan"})
     assert begun[0][1].args[-1] == (box,)
+
+
+def test_code_after_a_plan_makes_the_plan_until_the_arm_is_moved(monkeypatch):
+    viewer = sa.view(sa.load("planar2").at([0.3, 1.2], base=TURNED), open=False)
+    monkeypatch.setattr(BackgroundJob, "start", lambda *_: None)
+    viewer.handle({"do": "goal", "position": [1.4, 0.9, 0.0]})
+    start, goal = viewer.configuration, viewer.session.goal
+    viewer.handle({"do": "plan"})
+    viewer.handle({"do": "joints", "indices": [0], "values": [0.5]})
+    found = sa.plan(start, goal)
+    viewer._finished("plan", found)
+    made = {}
+    exec(viewer.readout()["python"], made)
+    np.testing.assert_allclose(made["plan"].q[[0, -1]], found.q[[0, -1]], atol=1e-9)
+    np.testing.assert_allclose(made["plan"].base[-1], found.base[-1], atol=1e-9)
+    viewer.handle({"do": "joints", "indices": [0], "values": [0.1]})
+    code = viewer.readout()["python"]
+    assert "sa.plan" not in code
+    assert repr(viewer.q.tolist()) in code
 
 
 @pytest.mark.slow

@@ -144,7 +144,7 @@ class Forest:
         tips = source.reading.tips
         if asked := [tree for tree in trees if tips and all(_has(tree, tip) for tip in tips)]:
             trees = [asked[0], *(tree for tree in trees if tree is not asked[0])]
-        if not trees or trees[0].freedoms == 0:
+        if not trees or (trees[0].freedoms == 0 and not source.reading.rigid):
             source.fail("has no joint that can move", "describe the joints of an arm")
         alike = [tree.root for tree in trees if tree.freedoms == trees[0].freedoms]
         if len(alike) > 1 and not asked:

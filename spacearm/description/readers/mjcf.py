@@ -114,9 +114,9 @@ class _Reader:
         """
         world = self._bodies[0]
         free = [root for root in forest.roots() if root != world]
-        if any(forest.tree("", root).freedoms for root in free):
-            return free
         held = [joint for joint in forest.joints.values() if joint.parent == world]
+        if any(forest.tree("", root).freedoms for root in free) or (free and not held):
+            return free
         counts = {j.name: forest.tree("", j.child).freedoms + j.movable for j in held}
         most = max(counts.values(), default=0)
         others = [forest.joints.pop(j.name) for j in held if counts[j.name] < most]

@@ -89,6 +89,7 @@ class Reading:
         locked: Joints that are locked as the file is read, with their values [rad] or [m].
         tips: Links that are asked for as tips: of several robots in a file the one that has them
             is read.
+        rigid: Whether the robot may have no joint, as a bus for an arm.
     """
 
     check: Check = "error"
@@ -97,6 +98,7 @@ class Reading:
     density: float | None = None
     spacecraft: bool = True
     locked: Mapping[str, float] = field(default_factory=dict)
+    rigid: bool = False
     tips: tuple[str, ...] = ()
 
     @classmethod

@@ -26,6 +26,8 @@ from spacearm.errors import listed, unknown
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 FLOATING = ("floating", "planar")
 """Joints that only a spacecraft has; those above it are left out, for it floats by itself."""
+WORLD = "world"
+"""Name of a link that need not be declared."""
 INFINITE = ("", "inf", "infinity", ".inf")
 MANY_TURNS = 30.0
 """Angle [rad] beyond which a limit looks like one in degrees."""
@@ -51,6 +53,8 @@ def read(source: Source, written: etree._Element) -> Tree:
         forest.add(name, _inertial(source, link), shapes)
     if not forest.links:
         source.fail("has no links", "describe the spacecraft and its arm by <link> and <joint>")
+    if any(parent.get("link") == WORLD for parent in robot.findall("joint/parent")):
+        forest.links.setdefault(WORLD)  # which Drake knows without a <link>
     for name, joint in source.named(robot, "joint").items():
         forest.joints[name] = _joint(source, joint, forest.links)
     tips = tuple(_named_link(source, tip, forest.links) for tip in robot.findall("tip"))

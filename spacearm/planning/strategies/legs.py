@@ -10,6 +10,8 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from spacearm.model.arguments import FLOATING, HELD
 from spacearm.planning.account import Attempts
 from spacearm.planning.problem import prove_clearance, recheck
@@ -49,7 +51,8 @@ def by_way_of_goals(request: PlanRequest) -> Plan:
                     account=request.account.part(max(PART * request.account.left, SHORT)),
                 )
                 legs.append(at_rest(leg))
-            whole = landed(_joined(legs, request))
+            ends = np.cumsum([len(leg) - 1 for leg in legs])
+            whole = landed(_joined(legs, request), on_the_way=ends[:-1].tolist())
             whole = paced(whole, request.constraints.joint_rates(whole.arm))
             prove_clearance(whole, whole.arm if request.held is None else request.held, mode)
             return recheck(whole, request.account)

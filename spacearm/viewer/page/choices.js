@@ -8,6 +8,7 @@ export function createChoices({ model, tip, choices }, ask, complain, getState) 
   const [robot, link, task, counted] = ["robot", "tiplink", "task", "counted"].map(byId);
   if (!choices.robots.includes(model)) robot.append(new Option(model, ""));
   for (const name of choices.robots) robot.append(new Option(name, name));
+  byId("file").accept = choices.suffixes.join();
   robot.value = choices.robots.includes(model) ? model : "";
   for (const name of choices.links) link.append(new Option(name, name));
   if (!choices.links.includes(tip)) link.append(new Option(tip, tip));

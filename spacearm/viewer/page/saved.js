@@ -26,7 +26,7 @@ function start({ about, readout }, commands) {
   const [, width, height, times] = /^#frames=(\d+),(\d+),([-+.e\d,]+)$/.exec(location.hash) ?? [];
   if (times || location.hash === "#picture") document.body.classList.add("picture");
   const size = { flex: "none", width: `${width}px`, height: `${height}px` };
-  if (times) Object.assign(byId("upper").style, size);
+  for (const id of times ? ["upper", "drawing"] : []) Object.assign(byId(id).style, size);
   viewer?.set_3d_pane_size();
   camera.fit();
   window.spacearm = { viewer, points: () => camera.points() };
