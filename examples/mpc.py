@@ -67,7 +67,7 @@ def main():
         x, u = plan(fly, state, centre, NODES - done, guess)
         for k in range(HELD):
             cfg = sa.move(cfg, cfg.q + STEP * u[:, k])
-            least = min(least, sa.singularity(cfg).distance)
+            least = min(least, sa.singularity(cfg, exact=True).distance)
             path.append(cfg.tip.translation[:2])
         guess = x[:, HELD:], u[:, HELD:]
     law = sa.TransposedJacobian(target=GOAL, kp=5.0, kd=15.0)
@@ -79,7 +79,7 @@ def main():
     }
     for name, miss in misses.items():
         print(f"{name:28}{miss:10.4f} m from the goal")
-    print(f"nearest to the singular set{np.degrees(least):11.2f} degrees")
+    print(f"singular posture found at{np.degrees(least):14.2f} degrees")
     plt.plot(*stalled.tip[:, :2].T, label="transposed Jacobian")
     plt.plot(*np.transpose(path), label="predictive control")
     plt.plot(*GOAL, "k+", ms=12, label="goal")

@@ -60,7 +60,7 @@ def main():
     plt.axhline(np.degrees(MARGIN), color="grey", ls=":", label="margin of the barrier")
     plt.ylim(0, 30)
     plt.xlabel("time [s]")
-    plt.ylabel("distance to the singular set [deg]")
+    plt.ylabel("distance to the singular set, to first order [deg]")
     plt.legend()
     plt.savefig("pink_barrier.png")
 

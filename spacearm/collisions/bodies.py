@@ -23,11 +23,13 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.collisions.solids import collision_solids, visual_solids
 from spacearm.description.shapes import Visuals
-from spacearm.errors import listed
+from spacearm.errors import UnsupportedError, listed
 from spacearm.model.arm import SpaceArm
 
 POSTURES = 64
 """Random postures; bodies that touch in all of them are taken to be joined."""
+MOST_BODIES = 1_000
+"""Shapes of an arm whose collisions are checked: pairs grow as the square of their number."""
 CLOSE = 1e-4
 """Distance below which bodies count as touching, as a share of the arm's reach."""
 NOWHERE: Mapping[int, pin.SE3] = {}
@@ -203,6 +205,11 @@ def own_pairs(arm: SpaceArm) -> OwnPairs:
     """Return the pairs of an arm's own bodies that must not meet; errors as for `Collisions`."""
     found = Bodies(arm)
     bodies = found.all
+    if len(bodies) > MOST_BODIES:
+        raise UnsupportedError(
+            f"{arm.name} has {len(bodies):,} shapes; collisions are checked of at most "
+            f"{MOST_BODIES:,}: give its links fewer <collision> elements, or collisions=False"
+        )
     joined = _connected(arm, {body.link for body in bodies})
     pairs = [
         (i, j)

@@ -172,9 +172,10 @@ class SingularityReport(Result):
 
     def __repr__(self) -> str:
         k, n = self.jacobian.shape
+        how = "to first order" if self.nearest is None else "found"
         return (
             f"SingularityReport({self.kind}, rank {self.rank} of {k}, {n} joints, "
-            f"distance={self.distance:.4g} rad, sigma_min={self.sigma_min:.6g}, "
+            f"distance={self.distance:.4g} rad {how}, sigma_min={self.sigma_min:.6g}, "
             f"condition={self.condition:.6g})"
         )
 

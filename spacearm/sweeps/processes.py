@@ -20,6 +20,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any, BinaryIO, NoReturn, TypeVar
 
 from spacearm.errors import SpaceArmError
@@ -115,7 +116,43 @@ class Process:
         raise WorkerLostError(f"its worker process was ended by {self.end()}")
 
 
+def call_within(seconds: float, memory: float, function: Callable[[], T]) -> T:
+    """Call a function in a process of its own that ends when it takes too much.
+
+    Args:
+        seconds: The time that it may take, that of starting the process included [s].
+        memory: The memory that it may take [bytes]; where the system sets no such limit, any.
+        function: The function with its arguments.
+
+    Raises:
+        SpaceArmError: The function raised it.
+        WorkerError: It took too much, or failed otherwise; the text says how.
+    """
+    process = Process()
+    clock = threading.Timer(seconds, process.kill)
+    clock.start()
+    try:
+        return process.call(partial(_limited, memory, function))
+    except WorkerLostError as error:
+        late = "it took longer" if clock.finished.is_set() else str(error)
+        raise WorkerError(late) from None
+    finally:
+        clock.cancel()
+        process.end()
+
+
 # --- in the worker process ----------------------------------------------------------------------
+
+
+def _limited(memory: float, function: Callable[[], T]) -> T:
+    """Call a function with a limit of memory [bytes]."""
+    with suppress(ImportError):  # Windows has no such limits
+        import resource
+
+        _, most = resource.getrlimit(resource.RLIMIT_AS)
+        whole = int(memory) if most == resource.RLIM_INFINITY else min(int(memory), most)
+        resource.setrlimit(resource.RLIMIT_AS, (whole, most))
+    return function()
 
 
 def serve() -> NoReturn:

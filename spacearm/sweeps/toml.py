@@ -21,6 +21,8 @@ MOST_PARTS = 16
 LONG_KEY = re.compile(
     r"""(?<![\w"'-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){""" + f"{MOST_PARTS}}}"
 )
+MOST_BYTES = 1_000_000
+"""Largest size of a file [bytes]: its tables may take hundreds of times as much memory."""
 AXIS = ("from", "to", "points")
 MOST = 10**15
 """Largest whole number: of samples, for example."""
@@ -125,7 +127,7 @@ def text_of(path: str | os.PathLike[str], what: str) -> str:
         ConfigurationError: It cannot be read; says what it is.
     """
     try:
-        return read(Path(path)).decode("utf-8-sig")
+        return read(Path(path), MOST_BYTES).decode("utf-8-sig")
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"{what} {path} cannot be read: {error}") from None
 
@@ -169,5 +171,9 @@ def parse(text: str, what: str = "the study") -> Table:
         )
     try:
         return Table(what.removeprefix("the "), tomllib.loads(text))
-    except (ValueError, RecursionError) as error:  # numbers of thousands of digits too
+    except RecursionError:
+        raise ConfigurationError(
+            f"{what} has lists or tables nested in hundreds of others; none has as many"
+        ) from None
+    except ValueError as error:  # numbers of thousands of digits too
         raise ConfigurationError(f"{what} is not TOML: {error}") from None

@@ -10,7 +10,7 @@ the *path independent workspace* (PIW). Papadopoulos & Dubowsky (1993), section 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal
@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, finite, plain, shape_of, whole
+from spacearm.arrays import Array, finite, plain, shape_of, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
@@ -178,6 +178,8 @@ MOST_CERTIFIED = 3
 EFFORT = 200_000
 """Default number of singular configurations from which shells of larger arms are searched."""
 
+SEARCHES = 0.2
+"""Share of the work that searches for bounds are, where curves are proven besides."""
 SMALL = 1e-4
 """Share of the largest distance up to which a gap counts as certified."""
 Kind = Literal["certified", "found", "stopped"]
@@ -360,7 +362,7 @@ def workspace(
     limits: bool = False,
     effort: int = EFFORT,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Callable[[float, float], object] | None = None,
 ) -> Workspace:
     """Compute the path dependent and path independent workspaces of an arm.
 
@@ -376,7 +378,7 @@ def workspace(
             turns freely, as in the paper.
         effort: Singular configurations to search from, for arms of more than three joints.
         seed: Seed of that search.
-        progress: Called now and then as progress(done, total), in searches for a bound.
+        progress: Called now and then as progress(done, 1).
 
     Returns:
         The radii of all workspaces, and how far they are proven.
@@ -399,9 +401,19 @@ def workspace(
     rng = np.random.default_rng(seed)
     box = Box.of(arm.lower, arm.upper, limits)
     points = rng.uniform(box.low, box.high, (4096, arm.n))
-    search, shells = ShellSearch(arm, mode, box, progress), list[Shell]()
-    reach = [search.about((), points)]
     small = arm.n <= MOST_CERTIFIED and found.codimension == 1
+    part = 1.0 if small else SEARCHES
+
+    def searching(share: float, _: float) -> None:
+        if progress:
+            progress(part * share, 1.0)
+
+    def proving(share: float) -> None:
+        if progress:
+            progress(part + (1.0 - part) * share, 1.0)
+
+    search, shells = ShellSearch(arm, mode, box, searching), list[Shell]()
+    reach = [search.about((), points)]
 
     def known(proof: Proven | None = None, gap: float = np.nan, farthest: float = 0.0) -> Workspace:
         reachable = merged([shell.radius for shell in reach])
@@ -441,7 +453,9 @@ def workspace(
             farthest = largest_distance_within(arm, mode, box, reach[0].radius)
             keep(search.sampled(found, effort, rng, reach[0].at, keep))
             gap = left_out(found, box, merged([shell.radius for shell in shells]), farthest)
-        return known(prove_shells(found, box, shells, farthest), min(gap, farthest), farthest)
+        return known(
+            prove_shells(found, box, shells, farthest, proving), min(gap, farthest), farthest
+        )
     except KeyboardInterrupt:
         why = "shells may be missing, or wider than found so far"
         raise StoppedError(why, known()) from None

@@ -22,7 +22,7 @@ joints are connected.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -230,7 +230,13 @@ class Proven(NamedTuple):
     radii: Array
 
 
-def prove_shells(found: ExactSet, box: Box, shells: Sequence[Shell], farthest: float) -> Proven:
+def prove_shells(
+    found: ExactSet,
+    box: Box,
+    shells: Sequence[Shell],
+    farthest: float,
+    progress: Callable[[float], object] | None = None,
+) -> Proven:
     """Prove that something is singular at every distance of shells.
 
     A root of the minors of a redundant arm is singular where the columns that they share are
@@ -242,8 +248,9 @@ def prove_shells(found: ExactSet, box: Box, shells: Sequence[Shell], farthest: f
         box: Range of the joints.
         shells: The shells.
         farthest: A distance that the tip never exceeds [m].
+        progress: Called now and then with the share of the distances that is proven.
     """
-    prover = Prover(found, box)
+    prover = Prover(found, box, progress)
     if not shells:
         return prover.proven
     prover.wanted = merged([shell.radius for shell in shells])
@@ -298,9 +305,13 @@ class Prover:
     Args:
         found: The singular set, of revolute joints.
         box: Range of the joints.
+        progress: As of `prove_shells`.
     """
 
-    def __init__(self, found: ExactSet, box: Box) -> None:
+    def __init__(
+        self, found: ExactSet, box: Box, progress: Callable[[float], object] | None = None
+    ) -> None:
+        self._progress = progress
         self.arm, self.mode = found.arm, found.mode
         self.f = Equations([Jets.of(f) for f in found.triangle.equations], box)
         self.shared = shared_columns(found) if found.codimension > 1 else ()
@@ -347,6 +358,9 @@ class Prover:
             low, high = missing[np.argmin(np.abs(missing - R).min(axis=1))]
             down, up = self.walk(start, -1.0, low), self.walk(start, 1.0, high)
             self.add(np.concatenate((down[::-1], up[1:])))
+            if self._progress:
+                left = np.diff(self.missing()).sum() / np.diff(self.wanted).sum()
+                self._progress(1.0 - float(left))
 
     def missing(self) -> Array:
         """Return the wanted distances that are not proven yet, (k, 2)."""

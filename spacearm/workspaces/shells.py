@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, named
+from spacearm.arrays import Array, named
 from spacearm.errors import UnsupportedError
 from spacearm.model.arguments import FLOATING, BaseMode, require_possible
 from spacearm.model.arm import SpaceArm
@@ -105,16 +105,20 @@ class ShellSearch:
         arm: The arm.
         mode: What the spacecraft does.
         box: Range of the joints.
-        progress: Called as progress(done, total) before each search for a bound, two times `STARTS`
-            a shell; the total is as far as it is known.
+        progress: Called as progress(share, 1) before each search for a bound, two times `STARTS`
+            a shell, as many as are known.
     """
 
     def __init__(
-        self, arm: SpaceArm, mode: BaseMode, box: Box, progress: Progress | None = None
+        self,
+        arm: SpaceArm,
+        mode: BaseMode,
+        box: Box,
+        progress: Callable[[float, float], object] | None = None,
     ) -> None:
         self.arm, self.mode, self.box = arm, mode, box
         self.R2 = radius_squared(arm, mode=mode)
-        self._progress, self._done, self._total = progress, 0, 4 * STARTS
+        self._progress, self._done, self._total, self._share = progress, 0, 4 * STARTS, 0.0
 
     def about(
         self,
@@ -141,7 +145,8 @@ class ShellSearch:
             found, R = [], list[float]()
             for i in best:
                 if self._progress:
-                    self._progress(min(self._done, self._total), self._total)
+                    self._share = max(self._share, min(self._done / self._total, 1.0))
+                    self._progress(self._share, 1.0)
                 self._done += 1
                 q = bounded_extreme(self.R2, equations, points[i], sign, limits)
                 found.append(q if counts(q) else points[i])

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-from helpers.arms import LIMIT, frame, joint, link, numbers, robot
+from helpers.arms import LIMIT, chosen, frame, joint, link, load_text, numbers, random_chain, robot
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -397,3 +397,16 @@ def test_the_verdict_names_the_links_that_were_not_checked(arm):
     assert whole.apart
     assert whole.unchecked == ()
     assert "NOT" not in whole.story
+
+
+def test_an_arm_of_too_many_shapes_is_refused_before_its_pairs_are_listed():
+    """Their number grows as the square: 10^8 pairs of 20,000 shapes."""
+    shape = '<visual><origin xyz="{} 0 0"/><geometry><sphere radius="0.1"/></geometry></visual>'
+    shapes = "".join(shape.format(1e-5 * i) for i in range(20_000))
+    text = random_chain(chosen(0), 2).replace('<link name="bus">', f'<link name="bus">{shapes}')
+    arm = load_text(text)
+    with pytest.raises(sa.UnsupportedError, match=r"at most 1,000.*collisions=False"):
+        sa.collision_check(arm.at([0.1, 0.2]))
+    with pytest.warns(sa.ModelWarning, match="drawn as plain bodies"):
+        viewer = sa.view(arm.at([0.1, 0.2]), open=False)
+    assert viewer.about()["contacts"].startswith("collisions not checked")

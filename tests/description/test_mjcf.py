@@ -11,6 +11,8 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import spacearm as sa
+from spacearm.description.readers import mjcf as reader
+from spacearm.description.readers import mjcf_bounds
 from spacearm.description.shapes import Box, Cylinder, Mesh, Sphere, Unusable
 
 INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
@@ -365,3 +367,41 @@ def test_copies_and_parts_within_the_bounds_are_read(tmp_path):
     arm = load(mjcf(free(link("a", inside='<include file="part.xml"/>') + copies)), tmp_path)
     assert arm.n == 2
     assert arm.mass == pytest.approx(55.0)
+
+
+def many_bodies(n):
+    bodies = "".join(
+        f'<body name="b{i}" pos="{0.01 * i} 0 1"><joint name="j{i}"/><geom size=".05"/></body>'
+        for i in range(n)
+    )
+    return mjcf(f'<body name="bus"><freejoint/><geom size=".5"/>{bodies}</body>')
+
+
+def test_a_large_file_is_compiled_in_a_process_of_its_own_to_the_same(tmp_path, monkeypatch):
+    path = tmp_path / "many.xml"
+    path.write_text(many_bodies(700), encoding="utf-8")
+    apart = sa.load(path, tip="b3")
+    monkeypatch.setattr(mjcf_bounds, "FEW_ELEMENTS", 10_000)
+    here = sa.load(path, tip="b3")
+    assert apart.notes == here.notes
+    assert apart.tree.links.keys() == here.tree.links.keys()
+    np.testing.assert_array_equal(apart.at([0.3]).A, here.at([0.3]).A)
+
+
+@pytest.mark.parametrize(("name", "most"), [("SECONDS", 0.05), ("MEMORY", 1e8)])
+def test_what_takes_more_than_its_limits_is_refused(tmp_path, monkeypatch, name, most):
+    path = tmp_path / "many.xml"
+    path.write_text(many_bodies(700), encoding="utf-8")
+    monkeypatch.setattr(reader, name, most)
+    with pytest.raises(sa.ModelError, match="is large, and is not compiled in"):
+        sa.load(path)
+
+
+def test_warnings_of_a_process_of_its_own_are_given_here(tmp_path):
+    mesh = '<asset><mesh name="m" file="no.stl"/></asset>'
+    text = many_bodies(700).replace("<worldbody>", f"{mesh}<worldbody>")
+    text = text.replace('<geom size=".5"/>', f'{INERTIAL}<geom type="mesh" mesh="m"/>')
+    (tmp_path / "many.xml").write_text(text, encoding="utf-8")
+    with pytest.warns(sa.ModelWarning, match=r"no\.stl"):
+        arm = sa.load(tmp_path / "many.xml", tip="b3")
+    assert any("no.stl" in note for note in arm.notes)

@@ -33,6 +33,9 @@ def answers(arm, q, mode="free-floating"):
         "nearest": sa.singular_set(arm, mode=mode).nearest(q).distance,
         "singularity": sa.singularity(arm.at(q), mode=mode, exact=True).distance,
     }
+    if mode == "free-floating":
+        about = sa.uncertain(arm, {arm.whole.massive()[0]: {"mass": 1e-9}})
+        said["range"] = sa.distance_range(about, q, samples=1).nominal
     if len(arm.tips) == 1:
         page = Session(arm, arm.at(q))
         page.handle({"do": "spacecraft", "mode": mode})

@@ -526,3 +526,15 @@ def test_keys_of_many_parts_are_refused_before_they_are_parsed(text, monkeypatch
     monkeypatch.setattr("tomllib.loads", None)
     with pytest.raises(sa.ConfigurationError, match="a key of more than 16 parts"):
         sa.Study.parse(text.format(".".join("a" * 40_000)))
+
+
+@pytest.mark.parametrize(("begin", "end"), [("[", "]"), ("{a = ", "}")])
+def test_what_is_nested_too_deeply_says_so(begin, end):
+    with pytest.raises(sa.ConfigurationError, match="nested in hundreds of others"):
+        sa.Study.parse(f"a = {40_000 * begin}1{40_000 * end}")
+
+
+def test_a_file_of_over_a_megabyte_is_no_study(tmp_path):
+    (tmp_path / "large.toml").write_text("#" * 1_000_001)
+    with pytest.raises(sa.ConfigurationError, match="larger than 1 MB"):
+        sa.Study.read(tmp_path / "large.toml")

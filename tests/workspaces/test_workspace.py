@@ -590,3 +590,13 @@ def test_bad_commands(arguments, message, tmp_path):
     assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["planar2", "planar3", "mda6"])
+def test_progress_never_falls_and_proofs_by_curves_count(name):
+    shares = []
+    sa.workspace(sa.load(name), effort=2000, progress=lambda done, of: shares.append(done / of))
+    assert shares == sorted(shares)
+    assert 0.0 <= shares[0] < shares[-1] <= 1.0
+    if name == "mda6":  # too many joints for branch and bound: curves are proven
+        assert shares[-1] > 0.5

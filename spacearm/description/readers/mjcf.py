@@ -10,7 +10,10 @@ from __future__ import annotations
 import math
 import os
 import re
+import warnings
 from dataclasses import replace
+from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -25,18 +28,21 @@ from spacearm.description.readers.forest import Forest, turns
 from spacearm.description.readers.mjcf_bounds import check_bounds
 from spacearm.description.readers.source import Source
 from spacearm.description.tree import Tree
-from spacearm.errors import ModelError
+from spacearm.errors import ModelError, ModelWarning, warn
+from spacearm.processes import WorkerError, call_within
 
 if TYPE_CHECKING:
     import mujoco
 
 
+SECONDS, MEMORY = 60.0, 4e9
+"""What MuJoCo may take for a file that is not small: time [s], address space [bytes]."""
 SAME_INERTIA = 1e-5
 """Share by which rounding may move the compiled inertia from the given one (MuJoCo 3: 1e-6)."""
 
 
 def read(source: Source, root: etree._Element) -> Tree:
-    """Read an MJCF.
+    """Read an MJCF; one that is not small in a process of its own, with limits.
 
     The root is the body with a free joint. Without one it is the body fixed to the world that
     carries the arm, or the world, without mass, if that body moves.
@@ -48,11 +54,37 @@ def read(source: Source, root: etree._Element) -> Tree:
     Raises:
         ModelError: mujoco is not installed or refuses the file, or the file holds no robot.
     """
-    try:
-        import mujoco
-    except ImportError:
+    if find_spec("mujoco") is None:
         source.fail("is an MJCF, which MuJoCo compiles", "pip install 'spacearm[mjcf]'")
-    check_bounds(source, root)
+    if check_bounds(source, root):
+        return _compiled(source)
+    try:
+        tree, notes, warned = call_within(SECONDS, MEMORY, partial(_alone, source))
+    except WorkerError as error:
+        source.fail(
+            f"is large, and is not compiled in {SECONDS:g} s and {MEMORY / 1e9:g} GB of memory "
+            f"({error})",
+            "leave out what is not needed",
+        )
+    source.notes += notes
+    for text in warned:
+        warn(text)
+    return tree
+
+
+def _alone(source: Source) -> tuple[Tree, list[str], list[str]]:
+    """Read a file in a process of its own; return its tree, notes and warnings."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ModelWarning)
+        tree = _compiled(source)
+    said = [str(found.message) for found in caught if issubclass(found.category, ModelWarning)]
+    return tree, source.notes, said
+
+
+def _compiled(source: Source) -> Tree:
+    """Have MuJoCo compile a file, and read the model."""
+    import mujoco
+
     try:
         spec = mujoco.MjSpec.from_file(str(source.path.resolve()))
         if not spec.worldbody.bodies:
@@ -89,11 +121,13 @@ class _Reader:
     def tree(self) -> Tree:
         """Return the tree of the robot."""
         forest, model = Forest(), self._model
+        drawn = self._geoms.of_bodies(model)
         forest.add(self._bodies[0])
         for body in range(1, model.nbody):
             inertial = None if body in self._geoms.unknown else self._inertial(body)
-            forest.add(self._bodies[body], inertial, self._geoms.of_body(model, body))
-            joints = [i for i in range(model.njnt) if model.jnt_bodyid[i] == body]
+            forest.add(self._bodies[body], inertial, drawn[body])
+            first = int(model.body_jntadr[body])
+            joints = list(range(first, first + int(model.body_jntnum[body])))
             if not joints or self._kind(joints[0]) != "FREE":
                 self._join(forest, body, joints)
         sites = [model.site(i).name for i in range(model.nsite)]
@@ -383,18 +417,18 @@ class Geoms:
         scaled = shapes.Mesh(os.path.relpath(file, folder), found, tuple(scale.tolist()))
         return scaled, pin.SE3(R, -scale * (R @ mesh.refpos))
 
-    def of_body(self, model: mujoco.MjModel, body: int) -> shapes.Visuals:
-        """Return the shapes of a body of the compiled model."""
-        visual: list[shapes.Shape] = []
-        collision: list[shapes.Shape] = []
+    def of_bodies(self, model: mujoco.MjModel) -> list[shapes.Visuals]:
+        """Return the shapes of each body of the compiled model."""
+        found: list[tuple[list[shapes.Shape], list[shapes.Shape]]] = [
+            ([], []) for _ in range(model.nbody)
+        ]
         for drawn in self._drawn:
             i = drawn.geom.id
-            if model.geom_bodyid[i] == body:
-                found = self._shapes(model, i, drawn)
-                visual += found if model.geom_group[i] < DRAWN_GROUPS else ()
-                collides = model.geom_contype[i] or model.geom_conaffinity[i]
-                collision += found if collides else ()
-        return shapes.Visuals(tuple(visual), tuple(collision))
+            visual, collision = found[model.geom_bodyid[i]]
+            own = self._shapes(model, i, drawn)
+            visual += own if model.geom_group[i] < DRAWN_GROUPS else ()
+            collision += own if model.geom_contype[i] or model.geom_conaffinity[i] else ()
+        return [shapes.Visuals(tuple(visual), tuple(collision)) for visual, collision in found]
 
     def _shapes(self, model: mujoco.MjModel, i: int, drawn: Drawn) -> tuple[shapes.Shape, ...]:
         """Return the shapes of a compiled geom; none of a plane."""

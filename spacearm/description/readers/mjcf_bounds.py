@@ -20,6 +20,8 @@ MOST_ELEMENTS = 100_000
 """Largest number of elements, with those that are copied or generated."""
 MOST_NUMBERS = 10_000_000
 """Largest number of numbers or bytes that one element may ask for."""
+FEW_ELEMENTS, FEW_NUMBERS, FEW_BYTES = 2_000, 1_000_000, 50_000_000
+"""Elements, numbers of an element, and bytes of the files that are named, of a small MJCF."""
 MOST_FILES = 200
 """Largest number of MJCF files that one is made of."""
 GENERATED = {"composite", "flexcomp"}
@@ -29,19 +31,22 @@ ASKED = {"hfield": ("nrow", "ncol"), "texture": ("width", "height"), "numeric": 
 FOLDERS = ("assetdir", "meshdir", "texturedir")
 
 
-def check_bounds(source: Source, root: etree._Element) -> None:
+def check_bounds(source: Source, root: etree._Element) -> bool:
     """Refuse an MJCF that asks for too much, or that names a device or a pipe.
 
     Args:
         source: The file.
         root: Its root element.
 
+    Returns:
+        Whether it is small: compiled in a second or so, whatever it holds.
+
     Raises:
         ModelError: It does; the message says the bound.
     """
     bounds = _Bounds(source)
-    bounds.elements(root, source.path.resolve())
-    bounds.check_files()
+    total = bounds.elements(root, source.path.resolve())
+    return total <= FEW_ELEMENTS and bounds.most <= FEW_NUMBERS and bounds.bytes() <= FEW_BYTES
 
 
 class _Bounds:
@@ -53,6 +58,7 @@ class _Bounds:
         self._subfolders = {""}
         self._named: set[str] = set()
         self._count = 0
+        self.most = 0.0
 
     def elements(self, root: etree._Element, *paths: Path) -> float:
         """Return the number of elements of a file, copies and attached models among them.
@@ -88,10 +94,10 @@ class _Bounds:
             left += [(child, times) for child in element.iterchildren(etree.Element)]
         return total + attached * largest
 
-    def check_files(self) -> None:
-        """Refuse what is no regular file, wherever MuJoCo may look for it."""
-        for name in self._named:
-            self._files(name)
+    def bytes(self) -> int:
+        """Return the size of all files that are named; refuse what is no regular file."""
+        files = {path for name in self._named for path in self._files(name)}
+        return sum(path.stat().st_size for path in files)
 
     def _files(self, name: str) -> list[Path]:
         """Return the files that MuJoCo may take a name for."""
@@ -135,6 +141,7 @@ class _Bounds:
         names = [(name,) for name in element.attrib] if tag == "size" else [ASKED.get(tag, ())]
         for attributes in names:
             asked = math.prod(_product(element, name) for name in attributes)
+            self.most = max(self.most, asked)
             if asked > MOST_NUMBERS:
                 self._source.fail(
                     f"<{tag}> asks for {asked:g} numbers by {', '.join(attributes)}",
