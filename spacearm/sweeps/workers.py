@@ -9,7 +9,7 @@ from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Literal
 
 from spacearm.errors import SpaceArmError, StoreError, UnsupportedError
-from spacearm.sweeps.processes import Process, WorkerLostError
+from spacearm.processes import Process, WorkerLostError
 from spacearm.sweeps.store import Store
 from spacearm.sweeps.study import Chunk, Recipe, remade
 

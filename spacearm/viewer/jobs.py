@@ -19,8 +19,8 @@ from spacearm.model.arm import Configuration
 from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Plan
+from spacearm.processes import Process, Progress, WorkerError
 from spacearm.singularities.risk import risk_profile
-from spacearm.sweeps.processes import Process, Progress, WorkerError
 from spacearm.viewer.motions import some
 from spacearm.viewer.stage import Stage
 from spacearm.workspaces.path_dependent import workspace

@@ -15,7 +15,7 @@ import pytest
 from helpers.pages import Page
 
 import spacearm as sa
-from spacearm.sweeps import processes
+from spacearm import processes
 from spacearm.viewer.session import Session
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated

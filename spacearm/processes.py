@@ -32,7 +32,7 @@ COMMAND = (
     sys.executable,
     "-c",
     "import sys; sys.path[:] = filter(None, sys.path); "  # as -P from Python 3.11 on
-    "from spacearm.sweeps.processes import serve; serve()",
+    "from spacearm.processes import serve; serve()",
 )
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Each process computes on one core: there may be as many processes as cores."""

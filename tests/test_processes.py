@@ -13,7 +13,7 @@ import pytest
 
 import spacearm as sa
 from spacearm.errors import unknown
-from spacearm.sweeps.processes import COMMAND, Process, WorkerError, WorkerLostError
+from spacearm.processes import COMMAND, Process, WorkerError, WorkerLostError
 
 
 @pytest.fixture
