@@ -54,7 +54,7 @@ def singular_posture() -> Figure:
     ):
         draw_posture(axes, arm.at(q, base=attitude))
         draw_velocities(axes, arm.at(q, base=attitude))
-        axes.set(xlim=(-0.9, 3.1), ylim=(-1.9, 1.5), title=title)
+        axes.set(xlim=(-0.9, 3.1), ylim=(-1.9, 1.5), title=title, adjustable="box")
     left.text(1.15, -1.78, "tip velocities for unit joint rates", color=BLUE, ha="center")
 
     sa.plot(sa.singular_map(arm), ax=right)
@@ -134,7 +134,7 @@ def construction() -> Figure:
         points = np.degrees(wrap(curve[:, joints]))
         points[np.abs(np.diff(points, axis=0, prepend=points[:1])).max(axis=1) > 180.0] = np.nan
         axes.plot(*points.T, color=RED, lw=2.5, zorder=10)
-    turn = range(-180, 181, 90)
+    turn = range(-120, 121, 60)
     axes.set(xticks=turn, yticks=turn, zticks=turn, xlim=(-180, 180), ylim=(-180, 180))
     axes.set(zlim=(-180, 180), xlabel="q4 [deg]", ylabel="q5 [deg]", zlabel="q6 [deg]")
     axes.view_init(elev=20.0, azim=-62.0)
@@ -194,7 +194,8 @@ def closed_loop() -> Figure:
     for ax, cfg, when in ((axes[1], motion[0], "Before"), (axes[2], motion[-1], "After")):
         draw_posture(ax, cfg)
         turned = np.degrees(pin.log3(cfg.base.rotation)[2])
-        ax.set(xlim=(-2.2, 2.2), ylim=(-2.2, 2.2), title=f"{when}: attitude {turned:.1f}°")
+        ax.set(xlim=(-2.2, 2.2), ylim=(-2.2, 2.2), adjustable="box")
+        ax.set_title(f"{when}: attitude {turned:.1f}°")
     return figure
 
 

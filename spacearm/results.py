@@ -32,6 +32,8 @@ LONGEST_CELL, LONGEST_NOTE = 240, 2000
 """Characters of a cell of a table, and of a sentence: names in files may have any length."""
 MOST_EVENTS = 10
 """Events that are shown."""
+ENDS = r"_\-./: "
+"""What words end at, as it stands in a set of a regular expression."""
 
 
 class Measure(NamedTuple):
@@ -263,6 +265,35 @@ def without_noise(values: Array) -> Array:
     """Return numbers with zeros where there is only rounding beside the largest of them."""
     size = np.abs(values)
     return np.where(size > max(LEAST, NOISE * size.max(initial=0.0)), values, 0.0)
+
+
+def short_names(names: Sequence[str]) -> list[str]:
+    """Return names without the words that all begin and end with, as long as words remain.
+
+    A word ends at `_`, `-`, `.`, `/`, `:` or a space. What remains is never a number alone: of
+    `vispa_joint_1` and `vispa_joint_2` it is `joint_1` and `joint_2`.
+
+    Args:
+        names: The names.
+    """
+    words = [re.findall(rf"[^{ENDS}]+|[{ENDS}]+", name) for name in names]
+    if len(names) < 2 or any(len(parts) < 2 for parts in words):
+        return list(names)
+    first = _shared(words)
+    rest = [parts[first:] for parts in words]
+    last = _shared([parts[::-1] for parts in rest])
+    rest = [parts[: len(parts) - last] for parts in rest]
+    while first and any(not any(c.isalpha() for c in "".join(parts)) for parts in rest):
+        first -= 1
+        rest = [[whole[first], *parts] for whole, parts in zip(words, rest, strict=True)]
+    short = ["".join(parts).strip("_-./: ") for parts in rest]
+    return short if all(short) and len(set(short)) == len(set(names)) else list(names)
+
+
+def _shared(words: list[list[str]]) -> int:
+    """Return how many words all lists begin with; one at least is left of each."""
+    same = takewhile(lambda column: len(set(column)) == 1, zip(*words, strict=False))
+    return min(len(list(same)), *(len(parts) - 1 for parts in words))
 
 
 def text(cell: Cell, angles: Angles) -> str:

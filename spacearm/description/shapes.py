@@ -234,6 +234,21 @@ def primitive(
     return (Shape(pose, geometry, rgba),)
 
 
+def faces(points: Array) -> Array:
+    """Return the triangles (m, 3, 3) of the convex hull of points, counterclockwise from outside.
+
+    Points (m, 3) in a plane have a hull too.
+    """
+    from scipy.spatial import ConvexHull  # slow to import
+
+    hull = ConvexHull(points, qhull_options="QJ")
+    found: Array = points[hull.simplices]
+    normals = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0])
+    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0.0
+    found[inward] = found[inward, ::-1]
+    return found
+
+
 FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb")
 LARGEST_MESH = 10**8
 """Largest size of a mesh file [bytes]."""

@@ -276,13 +276,12 @@ class Plan(Motion):
             "flown, the tip ends off by": Measure(self.arrival_error.tip, "m", ".1e"),
             "flown, the spacecraft ends off by": Measure(self.arrival_error.attitude, "rad", ".1e"),
         }
-        if self.wheel_load:
-            facts["wheels"] = self.wheel_load
+        wheels = [f"wheels: {self.wheel_load}"] if self.wheel_load else []
         tried = [(a.method, "arrives" if a.arrived else "fails", a.story) for a in self.tried]
         return replace(
             motion,
             verdict=f"planned by {self.method}: {self.travel}, {self.t[-1]:.4g} s",
-            notes=[*motion.notes, self.checked, *self._drifting()],
+            notes=[*motion.notes, self.checked, *wheels, *self._drifting()],
             tables=[
                 *motion.tables,
                 Table.facts(facts, "On the way"),

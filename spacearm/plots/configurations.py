@@ -22,6 +22,7 @@ from spacearm.plots.style import (
     ORANGE,
     PURPLE,
     RED,
+    UP,
     annotate,
     axes_for,
     draws,
@@ -117,10 +118,12 @@ def draw_posture(
         axes.plot(*places.T, "-o", color=color, lw=1.2, ms=5, mfc="white", mec=color, **over)
     axes.plot(*cfg.com[list(rows), None], marker="P", ms=9, color="black", ls="none", **over)
     if label:
-        annotate(axes, "CM", cfg.com[list(rows)], "black")
-        for name, tip in zip(arm.tips, cfg.tips, strict=True):
-            named = "tip" if len(arm.tips) == 1 else name
-            annotate(axes, named, tip.translation[list(rows)], color)
+        com = cfg.com[list(rows)]
+        for name, pose in zip(arm.tips, cfg.tips, strict=True):
+            tip = pose.translation[list(rows)]
+            away = tip - com if len(rows) == 2 else UP  # from the arm, as far as it is known
+            annotate(axes, "tip" if len(arm.tips) == 1 else name, tip, color, towards=away)
+        annotate(axes, "CM", com, "black", towards=-away)
     axes.margins(0.12)
     equal_axes(axes, "".join("xyz"[i] for i in rows))
 
@@ -177,7 +180,7 @@ def draw_barycentric(result: Barycentric, *, ax: Any = None, chain: bool = True)
         annotate(axes, name, bodies[first : last + 1, rows].mean(axis=0), BLUE)
     if chain:
         _draw_chain(axes, links, rows)
-    axes.legend(frameon=False)
+    axes.legend(frameon=False, loc="upper right")
     equal_axes(axes, "".join("xyz"[i] for i in rows))
     also = " and Virtual Manipulator" if chain else ""
     entitle(axes, f"{result.M:.4g} kg: CMs{',' if chain else ' and'} barycentres{also}")

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 
 from spacearm.arrays import Array
 from spacearm.description.bus import solid_box
-from spacearm.description.shapes import Box, Shape
+from spacearm.description.shapes import Box, Shape, faces
 from spacearm.errors import ModelError, warn
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.plots.style import GREEN
@@ -166,19 +166,6 @@ def placed(points: Array, pose: pin.SE3) -> Array:
 def tinted(color: str) -> tuple[float, ...]:
     """Return a colour mixed with white."""
     return tuple(TINT + (1.0 - TINT) * x for x in to_rgb(color))
-
-
-def faces(points: Array) -> Array:
-    """Return the triangles (m, 3, 3) of the convex hull of points, counterclockwise from outside.
-
-    Points (m, 3) in a plane have a hull too.
-    """
-    hull = ConvexHull(points, qhull_options="QJ")
-    found: Array = points[hull.simplices]
-    normals = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0])
-    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0.0
-    found[inward] = found[inward, ::-1]
-    return found
 
 
 def _divided(triangles: Array, longest: float) -> Array:

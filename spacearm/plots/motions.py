@@ -140,7 +140,7 @@ def _draw_path(
     for label, points, marker, color in marks:
         size = 13 if marker == "*" else 7
         axes.plot(*points.T, marker, color=color, ms=size, mew=2, label=label, zorder=IN_FRONT)
-    axes.legend(loc="best" if normal is not None else "upper right", fontsize=9)
+    axes.legend(loc="upper right", fontsize=9)
     if normal is None:
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_box_aspect(None, zoom=0.85)  # room for the label of the vertical axis

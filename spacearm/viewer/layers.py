@@ -15,6 +15,7 @@ from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.solids import corners
 from spacearm.description.bodies import Inertial
+from spacearm.description.shapes import faces
 from spacearm.mission.attitude_search import ENDS
 from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.arm import Configuration, SpaceArm
@@ -160,17 +161,6 @@ class ObstacleLayer:
         for obstacle, nodes in self._moving:
             for pose, node in zip(obstacle.poses(t), nodes, strict=True):
                 node.set_transform(pose.homogeneous)
-
-
-def faces(points: Array) -> Array:
-    """Return the triangles (m, 3, 3) of the convex hull of points, counterclockwise from outside.
-
-    Args:
-        points: (k, 3) points [m].
-    """
-    import trimesh.convex  # slow to import
-
-    return np.asarray(trimesh.convex.convex_hull(points).triangles)
 
 
 PARTS = (("force", 1, slice(3)), ("torque", 2, slice(3, 6)))

@@ -16,12 +16,12 @@ from helpers.pages import Page
 
 import spacearm as sa
 from spacearm import processes
+from spacearm.description.shapes import faces
 from spacearm.viewer.session import Session
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     from spacearm.viewer.jobs import BackgroundJob, plan_to
-    from spacearm.viewer.layers import faces
 
 TURNED = pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.4])), np.zeros(3))
 
