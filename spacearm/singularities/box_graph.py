@@ -24,13 +24,14 @@ import scipy.sparse as sp
 from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, StoreError
 from spacearm.files import write
-from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales, joint_vector
 from spacearm.polynomial.free_regions import Roots
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.tubes import ROUNDING
 from spacearm.results import Cell, Column, Description, Result, Table
+from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import digest_of_set
 from spacearm.singularities.joint_boxes import TURN, minors_for_proofs, range_allowed
 
@@ -62,6 +63,7 @@ class Cells(NamedTuple):
     free: npt.NDArray[np.bool_]
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class FreeBoxes(Result):
     """Boxes that cover regular configurations, joined where they share a part of a face.
@@ -291,7 +293,7 @@ class FreeBoxes(Result):
         )
 
 
-@of_arm
+@checked
 def free_boxes(
     arm: SpaceArm,
     *,

@@ -32,11 +32,12 @@ from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
 from spacearm.mechanics import batch
 from spacearm.mechanics.jacobian import plane_of_motion, probes, task_jacobian
-from spacearm.model.arguments import BaseMode, of_arm, require_possible
+from spacearm.model.arguments import BaseMode, require_possible
 from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle, eliminate, find_triangle, share_root
 from spacearm.polynomial.trig import Sampler, TrigPolynomial, degrees_of
+from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import SameSet
 from spacearm.singularities.nearest import is_singular, lose_rank
 
@@ -53,7 +54,7 @@ MIMIC = (
 """Why arms with such joints have no singularity polynomial."""
 
 
-@of_arm
+@checked
 def singularity_polynomial(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> TrigPolynomial:
     """Compute S(q), which vanishes exactly where the task Jacobian is singular.
 
