@@ -158,7 +158,10 @@ def calls(objects):
         if inspect.ismodule(thing):
             yield from ((f"{name}.{part}", getattr(thing, part)) for part in thing.__all__)
         elif inspect.isclass(thing) and not issubclass(thing, (BaseException, tuple)):
-            if "Result" not in {kind.__name__ for kind in thing.__mro__}:
+            made = "Result" in {kind.__name__ for kind in thing.__mro__} or inspect.isabstract(
+                thing
+            )
+            if not made:
                 yield name, thing
             yield from (
                 (f"{name}.{part}", getattr(thing, part))
