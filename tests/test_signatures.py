@@ -214,8 +214,9 @@ def test_mistakes_get_messages_of_our_own(tmp_path, monkeypatch):
         base = {p.name: known.get(p.name, 1.0) for p in given if p.default is p.empty}
         cases = [(p.name, what, value) for p in given for what, value in mistakes.items()]
         slow = dict.fromkeys(base, 0)
+        arrays = {p.name for p in given if p.annotation == "Array"}  # their shapes are NumPy's
         for argument, what, value in [*cases, ("nonsense", "unknown", 1)]:
-            if slow.get(argument, 0) > 2:
+            if slow.get(argument, 0) > 2 or (what == "a cube" and argument in arrays):
                 continue
             kind, message = outcome(call, base | {argument: value})
             slow[argument] = slow.get(argument, 0) + (kind == "late")
