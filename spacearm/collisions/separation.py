@@ -30,6 +30,7 @@ from spacearm.errors import UnsupportedError, listed
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.results import Cell, Description, Measure, Result, Table
+from spacearm.signatures import checked
 
 
 class Contact(NamedTuple):
@@ -283,6 +284,7 @@ def collision_geometry(arm: SpaceArm) -> Collisions:
     return Collisions(arm)
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class CollisionReport(Result):
     """Whether the bodies of an arm meet each other or obstacles, from `sa.collision_check`.
@@ -332,6 +334,7 @@ class CollisionReport(Result):
         )
 
 
+@checked
 def collision_check(
     thing: Configuration | Motion,
     obstacles: ObstacleLike | Sequence[ObstacleLike] = (),

@@ -20,15 +20,16 @@ from spacearm.errors import (
     UnsupportedError,
     unknown,
 )
-from spacearm.model.arguments import FLOATING, HELD, BaseMode, of_configuration
+from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import Goal, Origin
 from spacearm.planning.request import Constraints, Joints, PlanRequest, Search
 from spacearm.planning.result import Connection, Plan
+from spacearm.signatures import checked
 from spacearm.singularities.sets import singular_set
 
 
-@of_configuration
+@checked
 def plan(
     start: Configuration,
     goal: Goal | Joints | Mapping[str, Goal],
@@ -112,7 +113,7 @@ def plan(
     return attitude_held(request, _floating)
 
 
-@of_configuration
+@checked
 def detumble(
     start: Configuration,
     goal: Goal | Joints | Mapping[str, Goal],
@@ -170,7 +171,7 @@ def detumble(
     return Detumbling(request).plan()
 
 
-@of_configuration
+@checked
 def connected(
     start: Configuration,
     goal: Configuration,

@@ -30,6 +30,7 @@ from spacearm.planning.timing import (
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.tubes import of_spline
 from spacearm.results import Cell, Description, Measure, Result, Table
+from spacearm.signatures import checked
 from spacearm.singularities.nearest import NearestSingular, nearness
 from spacearm.singularities.sets import nearest_on_way, prove_regular, prove_way
 
@@ -70,6 +71,7 @@ class ArrivalError(NamedTuple):
     attitude: float
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Plan(Motion):
     """A motion of the joints from rest to rest, from `sa.plan`: a `Motion` with more to it.
@@ -301,7 +303,7 @@ class Plan(Motion):
 
     def __repr__(self) -> str:
         way = f"{self.method}: {self.travel}, {self.t[-1]:.4g} s"
-        return f"Plan({self.arm.name}, {way}, {len(self)} rows)"
+        return f"Plan({self.arm.label}, {way}, {len(self)} rows)"
 
 
 def landed(
@@ -343,6 +345,7 @@ def best_attempt(cfg: Configuration, rows: object, tried: Iterable[Attempt] = ()
 Answer: TypeAlias = Literal["yes", "no", "unknown"]
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Connection(Result):
     """Whether a joint path without singularities leads from one posture to another.
