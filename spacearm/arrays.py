@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.errors import ConfigurationError
+from spacearm.signatures import checked, shown
 
 Array: TypeAlias = npt.NDArray[np.floating[Any]]
 """Shapes stand in the docstrings."""
@@ -73,6 +74,7 @@ def named(result: Any) -> dict[str, Any]:
     return {name: plain(value) for name, value in result._asdict().items()}
 
 
+@checked
 class Parameters:
     """Base of frozen dataclasses that a caller gives."""
 
@@ -122,6 +124,32 @@ def positive(value: object, name: str, what: str = "number") -> float:
     return number
 
 
+def within_100(value: float, name: str) -> float:
+    """Return a share from 0 to 100 as a float.
+
+    Raises:
+        ConfigurationError: It is none.
+    """
+    if not 0.0 <= value <= 100.0:
+        raise ConfigurationError(f"{name} is {value!r}; give a number from 0 to 100")
+    return float(value)
+
+
+def numbers_of(values: object, name: str) -> Array:
+    """Return a copy of what a caller gave as numbers, of any shape.
+
+    Raises:
+        ConfigurationError: It holds something else.
+    """
+    try:
+        return np.array(values, dtype=np.float64)
+    except NO_NUMBERS as error:
+        if isinstance(error, RuntimeError):  # a tensor says what it wants
+            raise ConfigurationError(f"{name} holds no numbers: {error}") from None
+        instead = "its .q" if hasattr(values, "q") else "numbers, in rows of one length"
+        raise ConfigurationError(f"{name} is {shown(values)}; give {instead}") from None
+
+
 def shape_of(values: object) -> tuple[int, ...]:
     """Return the shape of what a caller gave as numbers; () where it has none, as ragged lists."""
     try:
@@ -149,6 +177,7 @@ def finite(values: object, shape: tuple[int, ...], name: str, meaning: str = "")
     if array.shape != shape or not (np.abs(array) <= LARGEST).all():
         size = f"{shape[0]} finite numbers" if shape else "a finite number"
         size = f"a {shape} array of finite numbers" if len(shape) > 1 else size
-        given = f"is {values!r}" if np.size(array) <= 36 else f"has shape {np.shape(array)}"
+        few = np.size(array) <= 36
+        given = f"is {shown(values, 400)}" if few else f"has shape {np.shape(array)}"
         raise ConfigurationError(f"{name} {given}; give {size}{meaning and ' '}{meaning}")
     return array

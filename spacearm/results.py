@@ -16,6 +16,8 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from spacearm.arrays import Array, plain
+from spacearm.errors import LONGEST_NAME, shortened
+from spacearm.signatures import checked
 
 Angles: TypeAlias = Literal["rad", "deg", "both"]
 """How angles are written; "both" is degrees, and radians too where the cell has the unit."""
@@ -26,6 +28,8 @@ NOISE = 1e-12
 """Share of the largest number of a vector up to which others are taken for rounding."""
 LEAST = 1e-15
 """Numbers of a vector up to this are taken for rounding too."""
+LONGEST_CELL, LONGEST_NOTE = 240, 2000
+"""Characters of a cell of a table, and of a sentence: names in files may have any length."""
 MOST_EVENTS = 10
 """Events that are shown."""
 ENDS = r"_\-./: "
@@ -93,8 +97,8 @@ class Table:
     def head(self, angles: Angles) -> list[str]:
         """Return the headings, with units."""
         units = [_converted(Measure(0.0, column.unit), angles).unit for column in self._columns]
-        heads = zip(self._columns, units, strict=True)
-        return [f"{column.name} [{unit}]" if unit else column.name for column, unit in heads]
+        names = [shortened(column.name, LONGEST_CELL) for column in self._columns]
+        return [f"{n} [{u}]" if u else n for n, u in zip(names, units, strict=True)]
 
     def body(self, angles: Angles) -> list[list[str]]:
         """Return the cells as texts."""
@@ -157,6 +161,11 @@ class Description:
         """What was not checked, as a sentence; empty if there is nothing to say."""
         return f"Not checked: {self.not_checked}." if self.not_checked else ""
 
+    def __post_init__(self) -> None:
+        for name in ("title", "verdict", "not_checked"):
+            object.__setattr__(self, name, shortened(getattr(self, name), LONGEST_NOTE))
+        object.__setattr__(self, "notes", [shortened(x, LONGEST_NOTE) for x in self.notes])
+
     def to_html(self) -> str:
         """Return the description as HTML, as notebooks show it."""
         said = [f"<div>{escape(note)}</div>" for note in self.notes]
@@ -171,6 +180,7 @@ class Description:
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
+@checked
 class Described(ABC):
     """Base of all that has a description: `describe` is all that a class needs."""
 
@@ -185,6 +195,7 @@ class Described(ABC):
         return self.describe().to_html()
 
 
+@checked
 class Result(Described):
     """Base of frozen dataclasses that hold results: read-only arrays, `describe`, `to_dict`."""
 
@@ -200,6 +211,40 @@ class Result(Described):
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain JSON data: arrays as nested lists, an arm as its name."""
         return {self.JSON.get(f.name, f.name): plain(getattr(self, f.name)) for f in fields(self)}
+
+
+ENDS = r"_\-./: "
+"""What words end at, as it stands in a set of a regular expression."""
+
+
+def short_names(names: Sequence[str]) -> list[str]:
+    """Return names without the words that all begin and end with, none over 60 characters.
+
+    A word ends at `_`, `-`, `.`, `/`, `:` or a space. What remains is never a number alone: of
+    `vispa_joint_1` and `vispa_joint_2` it is `joint_1` and `joint_2`.
+
+    Args:
+        names: The names.
+    """
+    words = [re.findall(rf"[^{ENDS}]+|[{ENDS}]+", name) for name in names]
+    bounded = [shortened(name, LONGEST_NAME) for name in names]
+    if len(names) < 2 or any(len(parts) < 2 for parts in words):
+        return bounded
+    first = _shared(words)
+    rest = [parts[first:] for parts in words]
+    last = _shared([parts[::-1] for parts in rest])
+    rest = [parts[: len(parts) - last] for parts in rest]
+    while first and any(not any(c.isalpha() for c in "".join(parts)) for parts in rest):
+        first -= 1
+        rest = [[whole[first], *parts] for whole, parts in zip(words, rest, strict=True)]
+    short = [shortened("".join(parts).strip("_-./: "), LONGEST_NAME) for parts in rest]
+    return short if all(short) and len(set(short)) == len(set(names)) else bounded
+
+
+def _shared(words: list[list[str]]) -> int:
+    """Return how many words all lists begin with; one at least is left of each."""
+    same = takewhile(lambda column: len(set(column)) == 1, zip(*words, strict=False))
+    return min(len(list(same)), *(len(parts) - 1 for parts in words))
 
 
 def joint_measures(values: Iterable[float], slides: Iterable[bool], per: str = "") -> list[Cell]:
@@ -222,39 +267,10 @@ def without_noise(values: Array) -> Array:
     return np.where(size > max(LEAST, NOISE * size.max(initial=0.0)), values, 0.0)
 
 
-def short_names(names: Sequence[str]) -> list[str]:
-    """Return names without the words that all begin and end with, as long as words remain.
-
-    A word ends at `_`, `-`, `.`, `/`, `:` or a space. What remains is never a number alone: of
-    `vispa_joint_1` and `vispa_joint_2` it is `joint_1` and `joint_2`.
-
-    Args:
-        names: The names.
-    """
-    words = [re.findall(rf"[^{ENDS}]+|[{ENDS}]+", name) for name in names]
-    if len(names) < 2 or any(len(parts) < 2 for parts in words):
-        return list(names)
-    first = _shared(words)
-    rest = [parts[first:] for parts in words]
-    last = _shared([parts[::-1] for parts in rest])
-    rest = [parts[: len(parts) - last] for parts in rest]
-    while first and any(not any(c.isalpha() for c in "".join(parts)) for parts in rest):
-        first -= 1
-        rest = [[whole[first], *parts] for whole, parts in zip(words, rest, strict=True)]
-    short = ["".join(parts).strip("_-./: ") for parts in rest]
-    return short if all(short) and len(set(short)) == len(set(names)) else list(names)
-
-
-def _shared(words: list[list[str]]) -> int:
-    """Return how many words all lists begin with; one at least is left of each."""
-    same = takewhile(lambda column: len(set(column)) == 1, zip(*words, strict=False))
-    return min(len(list(same)), *(len(parts) - 1 for parts in words))
-
-
 def text(cell: Cell, angles: Angles) -> str:
     """Return a cell as text, with the unit that it has."""
     if cell is None or isinstance(cell, str):
-        return cell or ""
+        return shortened(cell or "", LONGEST_CELL)
     given = cell if isinstance(cell, Measure) else Measure(cell)
     shown = _converted(given, angles)
     words = _number(shown) + ("" if shown.unit[:1] in ("", "°") else " ") + shown.unit

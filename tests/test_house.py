@@ -80,8 +80,8 @@ def test_a_folder_is_small_and_its_init_a_docstring(folder):
     assert len(tree.body) == 1
 
 
-def test_the_root_holds_seven_modules_at_most():
-    assert len(list(HOUSE.glob("*.py"))) <= 7
+def test_the_root_holds_eight_modules_at_most():
+    assert len(list(HOUSE.glob("*.py"))) <= 8
 
 
 def test_no_module_hides_behind_a_public_function():

@@ -24,6 +24,7 @@ from spacearm.results import (
     Result,
     Table,
     joint_measures,
+    short_names,
     text,
 )
 
@@ -291,7 +292,8 @@ def test_a_report_shows_the_posture_the_way_out_and_the_lost_direction():
     (joint,) = (row for row in rows if row[0] == "joint_2")
     assert joint[1].startswith("-11.41°")
     np.testing.assert_allclose(float(joint[2].split("°")[0]), -11.411, atol=1e-3)  # nearest
-    assert joint[3].startswith("57.")  # degrees a radian
+    (note,) = (note for note in report.describe().notes if note.startswith("To get away"))
+    assert "joint_2" in note
     (lost,) = (row for row in rows if row[0] == "lost")
     np.testing.assert_allclose(np.array(lost[2:], float), report.lost[:, 0], atol=1e-4)
 
@@ -376,3 +378,18 @@ def test_the_first_events_are_shown():
     assert len(shown.rows) == 10
     (none,) = Description(title="run", events=Table(("time",), [])).parts
     assert none.title == "Events: none"
+
+
+def test_names_of_any_length_are_shortened_where_people_read_them(tmp_path):
+    long = "n" * 10**5 + "_" + "x" * 10**5
+    text = sa.load("planar2").path.read_text()
+    for name in ("joint_1", "joint_2", "link_1", "link_2", "spacecraft", "planar2"):
+        text = text.replace(f'"{name}"', f'"{long}{name}"')
+    (tmp_path / "long.urdf").write_text(text)
+    arm = sa.load(tmp_path / "long.urdf")
+    motion = sa.Motion(arm, [0.0, 1.0], [[0.3, 1.2], [0.3, 1.3]], np.tile(np.eye(7)[6], (2, 1)))
+    for result in (arm, sa.singularity(arm.at([0.3, 1.2])), motion, sa.reaction(motion)):
+        assert len(result._repr_html_()) < 50_000
+        assert len(repr(result)) < 5_000
+    assert max(map(len, short_names(arm.joint_names))) < 100
+    assert arm.to_dict()["name"] == f"{long}planar2"

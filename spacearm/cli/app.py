@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import io
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable
@@ -16,7 +17,7 @@ from typer.core import TyperGroup
 from typer.exceptions import TyperException
 from typer.main import get_command
 
-from spacearm.cli.wording import INTERRUPTED, in_own_words, join_numbers
+from spacearm.cli.wording import INTERRUPTED, NUMBER, in_own_words, join_numbers
 from spacearm.errors import SpaceArmError, printable
 
 COMMANDS = {
@@ -154,7 +155,10 @@ def command(name: str) -> Any:
 
 
 def _stoppable(command: Callable[..., int]) -> Callable[..., int]:
-    """Have Ctrl-C abort a command, which is said; by itself Typer exits without a word."""
+    """Have Ctrl-C abort a command, which is said, and a pipe that is closed end it.
+
+    By itself Typer exits without a word, with an error.
+    """
 
     @functools.wraps(command)
     def run(*args: Any, **options: Any) -> int:
@@ -162,6 +166,8 @@ def _stoppable(command: Callable[..., int]) -> Callable[..., int]:
             return command(*args, **options)
         except KeyboardInterrupt as stop:
             raise typer.Abort from stop
+        except BrokenPipeError:  # who reads the output has seen enough, as `head` has
+            return 0
 
     return run
 
@@ -190,7 +196,7 @@ def main() -> None:
         code = application()(words, standalone_mode=False, prog_name="spacearm")
         sys.stdout.flush()
     except (SpaceArmError, TyperException) as error:
-        message = error.format_message() if isinstance(error, TyperException) else error
+        message = _refused(error) if isinstance(error, TyperException) else error
         print(f"spacearm: error: {_one_line(message)}", file=sys.stderr)
         sys.exit(2)
     except typer.Abort:  # Ctrl-C
@@ -200,8 +206,20 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes at exit
         if not isinstance(error, BrokenPipeError):
             print(f"spacearm: error: cannot write the output: {error}", file=sys.stderr)
-        sys.exit(1)
+            sys.exit(1)
+        sys.exit(0)
     sys.exit(code)
+
+
+def _refused(error: TyperException) -> str:
+    """Return the message of the parser; words that are left over are named, options as such."""
+    message = error.format_message()
+    left = re.match(r"Got unexpected extra arguments?(?:\(s\))? \((\S+)", message)
+    if not left:
+        return message
+    word = left[1].rstrip(")")
+    option = word.startswith("-") and not NUMBER.fullmatch(word)
+    return f"{word!r} is {'no option' if option else 'more than is taken'} here; see --help"
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:

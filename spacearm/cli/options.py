@@ -15,6 +15,7 @@ import pinocchio as pin
 import typer
 
 from spacearm.arrays import Array
+from spacearm.cli.wording import NUMBER
 from spacearm.description.bodies import Joint
 from spacearm.description.bus import Bus
 from spacearm.description.model_catalogue import (
@@ -29,7 +30,7 @@ from spacearm.description.readers import formats
 from spacearm.description.readers.source import Reading
 from spacearm.description.tree import Tree, Wheels
 from spacearm.errors import ConfigurationError, SpaceArmError, listed, unknown, warn
-from spacearm.files import writable
+from spacearm.files import read, writable
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import pose
 from spacearm.model.loading import load, mount
@@ -396,6 +397,37 @@ def numbers(option: str, text: str, count: int | None = None) -> Array:
         how = "finite numbers" if count is None else f"{count} finite numbers, as in 0,0,1"
         raise ConfigurationError(f"{option} is {text!r}; give {how}")
     return np.array(values)
+
+
+def table_of(path: Path, what: str) -> tuple[list[str], Array]:
+    """Read a table with spaces or commas between numbers: its names, if any, and its rows (m, k).
+
+    Empty lines and what follows # do not count.
+
+    Args:
+        path: The file.
+        what: What it is called in an error.
+
+    Raises:
+        ConfigurationError: It cannot be read, holds something else, or rows of several lengths.
+    """
+    try:
+        text = read(path).decode()
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"{what} cannot be read: {error}") from None
+    split = [line.partition("#")[0].replace(",", " ").split() for line in text.splitlines()]
+    lines = [(i, words) for i, words in enumerate(split, 1) if words]
+    named = bool(lines) and any(word.isidentifier() for word in lines[0][1])
+    names = lines.pop(0)[1] if named else []
+    for i, words in lines:
+        for word in words:
+            if not NUMBER.fullmatch(word):
+                raise ConfigurationError(f"{what}, line {i}: {word!r} is no finite number")
+    widths = sorted({len(words) for _, words in lines})
+    if len(widths) != 1:
+        counts = listed([str(width) for width in widths]) or "no"
+        raise ConfigurationError(f"{what} has {counts} numbers in a row; give as many in each")
+    return names, np.array([words for _, words in lines], dtype=np.float64)
 
 
 def si(joint: Joint | None, value: float, deg: bool) -> float:

@@ -47,6 +47,10 @@ WIDE = 1000
 class Terminal(Console):
     """A console without markup, which passes no character of a text on that commands a terminal."""
 
+    def on_broken_pipe(self) -> None:
+        """Leave it to the application that nobody reads on; Rich would exit with an error."""
+        raise BrokenPipeError
+
     def __init__(self, **options: Any) -> None:
         super().__init__(highlight=False, markup=False, emoji=False, **options)
 

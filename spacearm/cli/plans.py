@@ -22,8 +22,8 @@ from spacearm.cli.options import (
     joint_values,
     mark_of,
     motion_to_write,
-    numbers,
     on_a_model,
+    table_of,
 )
 from spacearm.cli.output import answer, err, working
 from spacearm.cli.questions import (
@@ -258,23 +258,14 @@ def follow_path(
 
 def _corners(arm: SpaceArm, path: Path, deg: bool) -> tuple[Array | None, list[Goal]]:
     """Return the times (m,) [s] of a CSV file, None if it has none, and the corners."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"--path {path} cannot be read: {error}") from None
-    filled = [(i, line) for i, line in enumerate(lines, 1) if line.strip()]
-    if filled and any(word.strip().isidentifier() for word in filled[0][1].split(",")):
-        filled = filled[1:]
-    k, rows = len(arm.task.rows), [numbers(f"--path {path}, line {i},", x) for i, x in filled]
-    widths = {len(row) for row in rows}
-    if len(widths) != 1 or widths - {k, k + 1}:
+    (_, table), k = table_of(path, f"--path {path}"), len(arm.task.rows)
+    if table.shape[1] not in (k, k + 1):
         raise ConfigurationError(
-            f"--path {path} has {listed([str(width) for width in sorted(widths)])} numbers in a "
-            f"row; give {k}, the task's rows {' '.join(arm.task.rows)}, or {k + 1}, the time first"
+            f"--path {path} has {table.shape[1]} numbers in a row; give {k}, the task's rows "
+            f"{' '.join(arm.task.rows)}, or {k + 1}, the time first"
         )
-    table = np.array(rows)
     values = table[:, -k:]
     turns = np.array(arm.task.indices[:k]) > 2
     values[:, turns] = np.radians(values[:, turns]) if deg else values[:, turns]
     corners = [goal_of(arm, row, f"--path {path}") for row in values]
-    return (table[:, 0] if widths == {k + 1} else None), corners
+    return (table[:, 0] if table.shape[1] > k else None), corners

@@ -25,6 +25,7 @@ from spacearm.cli.options import (
     joint_values,
     on_a_model,
     radians,
+    table_of,
     to_write,
 )
 from spacearm.cli.output import (
@@ -37,8 +38,8 @@ from spacearm.cli.output import (
     print_result,
     working,
 )
-from spacearm.errors import ConfigurationError, UnsupportedError
-from spacearm.files import read, write
+from spacearm.errors import ConfigurationError, UnsupportedError, listed
+from spacearm.files import write
 from spacearm.mechanics.dynamics import capture
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -198,15 +199,17 @@ def _described(
 
 def _postures(arm: SpaceArm, file: Path, deg: bool) -> Array:
     """Read the joint positions (m, n) of a path."""
-    try:
-        lines = read(file).decode().replace(",", " ").splitlines()
-        Q = np.loadtxt(lines, ndmin=2)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{file}: {error}") from None
-    if Q.shape[1:] != (arm.n,) or len(Q) < 2 or not np.isfinite(Q).all():
+    if file.suffix == ".npz":
+        return Motion.load(file, arm).q
+    names, Q = table_of(file, str(file))
+    sought = {*arm.joint_names, *(f"q{j}" for j in range(1, arm.n + 1))}
+    joints = [joint_name(arm, name) for name in names if name in sought]
+    if Q.shape[1:] != (arm.n,) or len(Q) < 2 or (names and joints != list(arm.joint_names)):
+        head = f" named {listed(names)}" if names else ""
         raise ConfigurationError(
-            f"{file} holds {Q.shape[0]} lines of {Q.shape[1]} numbers; give two lines or more, "
-            f"each with {arm.n} finite joint values: {', '.join(arm.joint_names)}"
+            f"{file} holds {Q.shape[0]} lines of {Q.shape[1]} numbers{head}; give two lines or "
+            f"more, each with {arm.n} joint values: {listed(arm.joint_names)}; along a path of the "
+            "tip goes spacearm follow"
         )
     return np.where(arm.slides, Q, np.radians(Q)) if deg else Q
 

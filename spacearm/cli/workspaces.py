@@ -19,11 +19,11 @@ from spacearm.cli.options import (
     View,
     on_a_model,
     radians,
+    table_of,
 )
 from spacearm.cli.output import answer, err, kept, say_stopped, working
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError
-from spacearm.files import read
 from spacearm.model.arm import SpaceArm
 from spacearm.results import Column, Described, Description, Table
 from spacearm.singularities.risk import risk_profile
@@ -228,10 +228,7 @@ def _values(name: str, text: str) -> Array:
 
 
 def _points(path: Path) -> Array:
-    try:
-        points = np.loadtxt(read(path).decode().splitlines(), ndmin=2)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"--path {path}: {error}") from None
-    if points.shape[1] not in (2, 3) or not np.isfinite(points).all():
-        raise ConfigurationError(f"--path {path}: give 2 or 3 finite numbers a line [m]")
+    _, points = table_of(path, f"--path {path}")
+    if points.shape[1] not in (2, 3):
+        raise ConfigurationError(f"--path {path}: give 2 or 3 numbers a line [m]")
     return points

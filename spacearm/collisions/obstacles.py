@@ -26,6 +26,7 @@ from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.motion.motion import Motion
+from spacearm.signatures import checked
 
 ORIGIN = pin.SE3.Identity()
 OPTIONS = ("name", "margin", "may_touch", "twist", "along")
@@ -164,6 +165,7 @@ def joint_frames(cfg: Configuration) -> list[pin.SE3]:
     return frames
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Obstacle:
     """A body not to be met: `Obstacle.box`, `.sphere`, `.cylinder`, `.mesh`, `.robot`, `.target`.

@@ -30,6 +30,7 @@ from spacearm.errors import UnsupportedError, listed
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.results import Cell, Description, Measure, Result, Table
+from spacearm.signatures import checked
 
 
 class Contact(NamedTuple):
@@ -116,24 +117,19 @@ class Collisions:
         """Return distances (own pairs,) of the arm's bodies, negative where they overlap [m]."""
         return self._distances(self.arm.all_joints(q), None, 0.0, np.arange(self._own))
 
-    def gap(self, q: Array, pair: int | None = None) -> tuple[float, int]:
-        """Return how far bodies of the arm are from contact at joint positions (n,) [m].
+    def gaps(self, q: Array, pairs: npt.NDArray[np.int64] | None = None) -> Array:
+        """Return how far bodies of the arm are from contact (pairs,) [m], negative in contact.
 
         Args:
-            q: The joint positions.
-            pair: The number of two bodies; the two that are nearest to contact if None.
-
-        Returns:
-            The distance, negative in contact, and the number of the pair.
+            q: (n,) joint positions.
+            pairs: The numbers of the pairs; all of the arm's bodies if None.
         """
-        pairs = np.arange(self._own) if pair is None else np.array([pair])
-        short = self._distances(self.arm.all_joints(q), None, 0.0, pairs) - self._near[pairs]
-        least = int(short.argmin())
-        return float(short[least]), int(pairs[least])
+        pairs = np.arange(self._own) if pairs is None else pairs
+        return self._distances(self.arm.all_joints(q), None, 0.0, pairs) - self._near[pairs]
 
     def touch(self, q: Array) -> bool:
         """Tell whether bodies of the arm meet each other at joint positions (n,)."""
-        return bool((self.distances(q) < self._near[: self._own]).any())
+        return bool((self.gaps(q) < 0.0).any())
 
     def touching(self, q: Array) -> list[tuple[str, str]]:
         """Return the names of the bodies of the arm that meet each other at positions (n,)."""
@@ -236,9 +232,7 @@ class Collisions:
 
         Those of the arm: (pairs, m) [m]. The obstacles' own motion is not in it.
         """
-        path = motion.path
-        steps = np.abs(np.diff(path, axis=0))
-        way = self.gains(path) @ steps.T
+        way = self.gains(motion.hull) @ motion.steps.T
         if len(self._pairs) > self._own:
             body = motion.swept(self.bodies)
             way = np.vstack((way, [body[a] for a, _ in self._pairs[self._own :]]))
@@ -251,7 +245,7 @@ class Collisions:
         its lever longer, by no more than their largest displacement on the path.
 
         Args:
-            path: (m, n) joint positions of straight segments.
+            path: (m, n) joint positions whose convex hull holds the motion.
 
         Returns:
             (own pairs, n) the bounds.
@@ -283,6 +277,7 @@ def collision_geometry(arm: SpaceArm) -> Collisions:
     return Collisions(arm)
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class CollisionReport(Result):
     """Whether the bodies of an arm meet each other or obstacles, from `sa.collision_check`.
@@ -332,6 +327,7 @@ class CollisionReport(Result):
         )
 
 
+@checked
 def collision_check(
     thing: Configuration | Motion,
     obstacles: ObstacleLike | Sequence[ObstacleLike] = (),

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, LEAST_MASS, Array
+from spacearm.arrays import LARGEST, LEAST_MASS, Array, numbers_of
 from spacearm.errors import ModelError
+from spacearm.signatures import shown
 
 LONGEST = 200.0
 """Length [m] of a link or edge of a bus from which it is implausible: the longest spacecraft so far
@@ -54,21 +55,27 @@ class Inertial(NamedTuple):
             prefix: Prefix of "mass", "inertia" and "com" in an error, as in "base_mass".
 
         Raises:
-            ModelError: They are not numbers, or no rigid body can have them.
+            ConfigurationError: They are not numbers.
+            ModelError: No rigid body can have them.
         """
-        try:
-            m = float(mass)
-            I, c = np.array(inertia, dtype=np.float64), np.array(com, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            named = ", ".join(f"{prefix}{name}" for name in ("mass", "inertia", "com"))
-            raise ModelError(f"{named} of {body} must be numbers: {error}") from None
-        if not LEAST_MASS <= m <= LARGEST:
-            raise ModelError(f"{prefix}mass is {m:g} kg; give a positive mass up to {LARGEST:g} kg")
+        m, I, c = (
+            numbers_of(value, f"{prefix}{name} of {body}")
+            for name, value in (("mass", mass), ("inertia", inertia), ("com", com))
+        )
+        if m.shape or not LEAST_MASS <= m <= LARGEST:
+            given = shown(mass) if m.shape else f"{m:g}"
+            raise ModelError(
+                f"{prefix}mass is {given} kg; give a positive mass up to {LARGEST:g} kg"
+            )
         if I.shape != (3, 3) or not (np.abs(I) <= LARGEST).all() or not np.allclose(I, I.T):
-            raise ModelError(f"{prefix}inertia must be a symmetric (3, 3) matrix; got {inertia!r}")
+            raise ModelError(
+                f"{prefix}inertia must be a symmetric (3, 3) matrix; got {shown(inertia)}"
+            )
         if c.shape != (3,) or not (np.abs(c) <= LARGEST).all():
-            raise ModelError(f"{prefix}com is {com!r}; give 3 finite numbers up to {LARGEST:g} m")
-        rigid = cls(m, pin.SE3(np.eye(3), c), I)
+            raise ModelError(
+                f"{prefix}com is {shown(com)}; give 3 finite numbers up to {LARGEST:g} m"
+            )
+        rigid = cls(float(m), pin.SE3(np.eye(3), c), I)
         if I.any() and (fault := rigid.fault()):
             raise ModelError(f"{body} {fault}; give {prefix}mass and {prefix}inertia of a body")
         return rigid

@@ -14,6 +14,7 @@ from spacearm.description.bodies import LONGEST, Inertial
 from spacearm.description.shapes import Box, Shape, Visuals
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError, warn
+from spacearm.signatures import checked
 
 GOLD = (0.83, 0.66, 0.31, 1.0)
 STEEL = (0.55, 0.60, 0.66, 1.0)
@@ -61,6 +62,7 @@ def body(name: str, rigid: Inertial, edges: Array | None, rgba: tuple[float, ...
     return Tree(name, name, {name: rigid}, {}, visuals)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Bus:
     """A spacecraft bus, to which `mount` bolts arms.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import os
 from collections.abc import Mapping
@@ -23,7 +24,8 @@ from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS
 from spacearm.description.readers.source import Check, Reading
 from spacearm.description.tips import choose_tips, only_tip
 from spacearm.description.tree import Tree, free_name
-from spacearm.errors import ModelError, listed, unknown
+from spacearm.errors import ModelError, unknown
+from spacearm.signatures import checked
 
 MODELS, ARMS = "catalogue.json", "arms.json"
 
@@ -84,6 +86,7 @@ class ArmInfo(NamedTuple):
         return named(self)
 
 
+@checked
 def catalogue() -> tuple[ModelInfo, ...]:
     """Return the models that `load` knows by name.
 
@@ -98,6 +101,7 @@ def catalogue() -> tuple[ModelInfo, ...]:
     return tuple(models_by_name().values())
 
 
+@checked
 def arms() -> tuple[ArmInfo, ...]:
     """Return the arms that `mount` knows by name.
 
@@ -198,11 +202,6 @@ def _named(kind: str, model: RobotSource, known: Mapping[str, Entry]) -> Entry |
     """
     if isinstance(model, PINOCCHIO_MODELS):
         return None
-    if not isinstance(model, (str, os.PathLike)):
-        raise ModelError(
-            f"a {type(model).__name__} is no robot; give the path of a URDF, xacro, MJCF or SDF, a "
-            f"pin.Model, or one of the names: {listed(known)}"
-        )
     if isinstance(model, os.PathLike):
         if str(model) in known and not Path(model).exists():
             raise ModelError(
@@ -217,7 +216,10 @@ def _named(kind: str, model: RobotSource, known: Mapping[str, Entry]) -> Entry |
         path = Path(model)
         if path.exists() or (path.suffix and path.stem not in known) or len(path.parts) > 1:
             return None
-    raise ModelError(f"{unknown(kind, model, known)}; or give the path of a robot file")
+    message = f"{unknown(kind, model, known)}; or give the path of a robot file"
+    near = difflib.get_close_matches(model, [] if kind == "arm" else arms_by_name(), n=1)
+    also = f"; {near[0]!r} is an arm without a spacecraft, for sa.mount" if near else ""
+    raise ModelError(message + also)
 
 
 def assembled(info: ModelInfo, reading: Reading | None = None) -> Tree:

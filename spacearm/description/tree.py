@@ -171,8 +171,6 @@ class Tree:
             ConfigurationError: A joint does not exist or mimics another, or its value is no finite
                 number.
         """
-        if not isinstance(values, Mapping):
-            raise ConfigurationError(f"locked is {values!r}; give {{joint: value}}")
         self.require_leading(values, "locked", "lock")
         for name, value in values.items():
             if not isinstance(value, Real) or not abs(value) <= LARGEST:
@@ -333,6 +331,20 @@ class Tree:
             changed.append(replace(joint, kind=kind, lower=float(lower), upper=float(upper)))
         return self.with_joints(*changed)
 
+    def with_a_mass(self, link: str) -> Inertial:
+        """Return the mass properties of a link that has some.
+
+        Raises:
+            ModelError: There is no such link, or it has no mass; says which have.
+        """
+        part = self.links.get(link)
+        if part is None or not part.mass:
+            several = [name for name in self.massive() if name in link.split(" + ")]
+            names = listed(several or self.massive())
+            why = "are links that move as one body" if several else "has no mass"
+            raise ModelError(f"link {link!r} {why}; name one of: {names}")
+        return part
+
     def with_home(self, positions: Mapping[str, float]) -> Tree:
         """Return the tree with other home positions of joints [rad] or [m].
 
@@ -358,9 +370,7 @@ class Tree:
         Raises:
             ModelError: The link does not exist or has no mass, or the new mass is not positive.
         """
-        part = self.links.get(link)
-        if part is None or not part.mass:
-            raise ModelError(f"link {link!r} has no mass; name one of: {listed(self.massive())}")
+        part = self.with_a_mass(link)
         if not LEAST_MASS <= mass <= LARGEST:
             raise ModelError(f"the mass of {link!r} is {mass:g} kg; give a positive one")
         return replace(self, links={**self.links, link: part.with_mass(mass)})

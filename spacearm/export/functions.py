@@ -29,9 +29,10 @@ from spacearm.errors import ConfigurationError, UnsupportedError, imported, unkn
 from spacearm.files import name_part, write
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mechanics.distance import FADING
-from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales
+from spacearm.signatures import checked
 from spacearm.singularities.polynomials import plane_of_motion
 
 Function = Callable[..., Any]
@@ -96,7 +97,7 @@ class ArmFunctions:
         return f"ArmFunctions({self.name}: {', '.join((*EQUATIONS, 'S_gradient'))})"
 
 
-@of_arm
+@checked
 def to_jax(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> ArmFunctions:
     """Return the equations of an arm as functions of JAX, for jit, vmap and grad.
 
@@ -150,7 +151,7 @@ def to_jax(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> ArmFunctions:
     return ArmFunctions(name=arm.name, parameters=own, **compiled)
 
 
-@of_arm
+@checked
 def to_casadi(
     arm: SpaceArm, *, mode: BaseMode = "free-floating", parameters: str | Sequence[str] = ()
 ) -> ArmFunctions:
@@ -328,7 +329,7 @@ EXPORTED = {
 """The functions of C, by what their names end with."""
 
 
-@of_arm
+@checked
 def to_c(
     arm: SpaceArm,
     folder: str | os.PathLike[str],

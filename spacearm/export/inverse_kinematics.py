@@ -14,17 +14,19 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, plain, positive
+from spacearm.arrays import Array, finite, numbers_of, plain, positive
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.model.joints import joint_scales
+from spacearm.signatures import checked
 
 Matrices = tuple[Array, Array]
 
 
+@checked
 class _OfArm:
     """What knows an arm, and pink's configurations of it."""
 
@@ -60,6 +62,7 @@ class _OfArm:
         return self.arm.at(q[7:], base=pin.XYZQUATToSE3(q[:7]))
 
 
+@checked
 class GeneralizedJacobianTask(_OfArm):
     """A task of pink: the tip at a pose, moved by J*.
 
@@ -97,7 +100,8 @@ class GeneralizedJacobianTask(_OfArm):
         lm_damping: float = 0.0,
     ) -> None:
         super().__init__(arm)
-        self.cost = np.broadcast_to(np.asarray(cost, dtype=float), (arm.task.k,))
+        given, k = numbers_of(cost, "cost"), arm.task.k
+        self.cost = finite(given if given.ndim else np.full(k, given), (k,), "cost")
         self.gain = gain
         self.lm_damping = lm_damping
         self.set_target(target)
@@ -126,9 +130,10 @@ class GeneralizedJacobianTask(_OfArm):
         return J.T @ J + damping * np.eye(J.shape[1]), J.T @ error
 
     def __repr__(self) -> str:
-        return f"GeneralizedJacobianTask({self.arm.name}, task {self.arm.task.names!r})"
+        return f"GeneralizedJacobianTask({self.arm.label}, task {self.arm.task.names!r})"
 
 
+@checked
 class MomentumConservation(_OfArm):
     """A constraint of pink: the spacecraft moves so that the momentum stays zero, (33c).
 
@@ -158,9 +163,10 @@ class MomentumConservation(_OfArm):
         return np.hstack((np.eye(6), np.linalg.solve(A[:, :6], A[:, 6:])))
 
     def __repr__(self) -> str:
-        return f"MomentumConservation({self.arm.name})"
+        return f"MomentumConservation({self.arm.label})"
 
 
+@checked
 class SingularityBarrier(_OfArm):
     """A barrier of pink: the singular set is kept at a distance in joint space.
 
@@ -219,6 +225,6 @@ class SingularityBarrier(_OfArm):
 
     def __repr__(self) -> str:
         return (
-            f"SingularityBarrier({self.arm.name}, margin {self.margin:g} rad, "
+            f"SingularityBarrier({self.arm.label}, margin {self.margin:g} rad, "
             f"gain {self.gain:g} 1/s)"
         )

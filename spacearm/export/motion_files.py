@@ -15,11 +15,13 @@ import numpy as np
 from spacearm.errors import ConfigurationError, UnsupportedError, imported, unknown
 from spacearm.files import write, write_folder
 from spacearm.motion.motion import Motion
+from spacearm.signatures import checked
 
 COLUMNS = {"component": ("px", "py", "pz", "hx", "hy", "hz"), "axis": ("x", "y", "z")}
 """Names of columns by what they stand for; those of wheels are numbers."""
 
 
+@checked
 def write_motion(motion: Motion, path: str | os.PathLike[str]) -> Path:
     """Write a motion for other programs, in the format that the suffix names.
 

@@ -16,8 +16,8 @@ from lxml.builder import E
 from spacearm.description.bodies import Joint, Mimic
 from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere
 from spacearm.files import write
-from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
+from spacearm.signatures import checked
 
 DRAWN = {"group": "2", "contype": "0", "conaffinity": "0"}
 COLLIDES = {"group": "3"}
@@ -25,7 +25,7 @@ PAIRS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 
 """Elements of an inertia in MJCF's order, by their names in SDF."""
 
 
-@of_arm
+@checked
 def to_mjcf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
     """Write spacecraft and arm as an MJCF file, which MuJoCo simulates and `load` reads.
 
@@ -72,7 +72,7 @@ def to_mjcf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
     return write(Path(path), etree.tostring(document, encoding="utf-8") + b"\n")
 
 
-@of_arm
+@checked
 def to_sdf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
     """Write spacecraft and arm as an SDF file, which `load` reads.
 

@@ -20,11 +20,12 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
-from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration
 from spacearm.results import Column, Description, Result, Table
+from spacearm.signatures import checked
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class VirtualManipulator(Result):
     """A chain of constant links from the system CM to the tip.
@@ -64,6 +65,7 @@ class VirtualManipulator(Result):
         )
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Barycentric(Result):
     """The quantities of section II of the paper at one configuration.
@@ -140,7 +142,7 @@ class Barycentric(Result):
         return VirtualManipulator(self.r_cm, self.v_E @ self.T0.T, jacobian)
 
 
-@of_configuration
+@checked
 def barycentric(cfg: Configuration) -> Barycentric:
     """Compute the quantities of equations (2)-(35) at a configuration.
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, NO_NUMBERS, Array, Progress, whole
+from spacearm.arrays import LARGEST, Array, Progress, numbers_of, whole
 from spacearm.compiler.machine import processors
 from spacearm.equations import measures
 from spacearm.equations.kinematics import jacobian
@@ -33,8 +33,9 @@ from spacearm.mechanics.arm_kernels import (
 from spacearm.mechanics.distance import distances
 from spacearm.mechanics.dynamics import forward_dynamics
 from spacearm.mechanics.jacobian import generalized_jacobian, singular_values_of, task_jacobian
-from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
+from spacearm.signatures import checked
 
 BLOCK = 16384
 """Configurations per thread and block: their data fit the processor cache."""
@@ -65,10 +66,7 @@ def joint_rows(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
     Raises:
         ConfigurationError: They are no numbers, or have another shape.
     """
-    try:
-        array: npt.NDArray[Any] = values if isinstance(values, np.ndarray) else np.asarray(values)
-    except NO_NUMBERS as error:
-        raise ConfigurationError(f"{what} holds no numbers: {error}") from None
+    array: npt.NDArray[Any] = values if isinstance(values, np.ndarray) else numbers_of(values, what)
     if array.size == 0 and array.ndim < 2:
         array = array.reshape(0, arm.n)
     if array.dtype.kind not in "fiu" or array.ndim != 2 or array.shape[1] != arm.n:
@@ -164,11 +162,11 @@ Rows = Mapping[str, Array]
 Indices = npt.NDArray[np.int_]
 
 
-@of_arm
+@checked
 def evaluate(
     arm: SpaceArm,
     Q: npt.ArrayLike,
-    quantities: Sequence[str] = QUANTITIES,
+    quantities: str | Sequence[str] = QUANTITIES,
     *,
     out: Mapping[str, Array] | None = None,
     threads: int | None = None,
@@ -276,7 +274,7 @@ def _measured(
     return [*columns]
 
 
-@of_arm
+@checked
 def generalized_jacobians(
     arm: SpaceArm,
     Q: npt.ArrayLike,
@@ -321,7 +319,7 @@ def generalized_jacobians(
     return J
 
 
-@of_arm
+@checked
 def joint_accelerations(
     arm: SpaceArm,
     Q: npt.ArrayLike,
@@ -407,10 +405,7 @@ def _rows(values: npt.ArrayLike | None, m: int, width: int, what: str) -> Array:
     Raises:
         ConfigurationError: They are no numbers, or have another shape than (width,) or (m, width).
     """
-    try:
-        rows = np.zeros(width) if values is None else np.asarray(values, dtype=float)
-    except NO_NUMBERS as error:
-        raise ConfigurationError(f"{what} holds no numbers: {error}") from None
+    rows = np.zeros(width) if values is None else numbers_of(values, what)
     if rows.shape not in ((width,), (m, width)):
         raise ConfigurationError(f"{what} has shape {rows.shape}, not ({width},) or ({m}, {width})")
     return np.broadcast_to(rows, (m, width))

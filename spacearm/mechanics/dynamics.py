@@ -32,7 +32,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite
 from spacearm.errors import ConfigurationError, ModelError, unknown
-from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
@@ -46,6 +46,7 @@ from spacearm.results import (
     joint_measures,
     without_noise,
 )
+from spacearm.signatures import checked
 
 Wrenches = Mapping[str, npt.ArrayLike]
 """Link name -> (6,) [force [N]; torque [N m]] at the origin of the link's frame, inertial axes."""
@@ -55,6 +56,7 @@ H_STAR = "the generalized inertia H*"
 D_LOCKED = "the locked inertia D about the system CM"
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Dynamics(Result):
     """Joint accelerations and torques of one state, with the spacecraft's motion.
@@ -105,7 +107,7 @@ class Dynamics(Result):
         )
 
 
-@of_configuration
+@checked
 def generalized_inertia(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Array:
     """Compute the generalized inertia H* = M_qq - M_qb M_bb^-1 M_bq.
 
@@ -135,7 +137,7 @@ def generalized_inertia(cfg: Configuration, *, mode: BaseMode = "free-floating")
     return 0.5 * (H + H.T)
 
 
-@of_configuration
+@checked
 def forward_dynamics(
     cfg: Configuration,
     dq: npt.ArrayLike,
@@ -176,7 +178,7 @@ def forward_dynamics(
     return _dynamics(cfg, v, M, c, X, solve(cfg.arm, H, tau - c_star, H_STAR))
 
 
-@of_configuration
+@checked
 def inverse_dynamics(
     cfg: Configuration,
     dq: npt.ArrayLike,
@@ -215,7 +217,7 @@ def inverse_dynamics(
     return _dynamics(cfg, *_state(cfg, v, wrenches, free_components(mode)), ddq)
 
 
-@of_configuration
+@checked
 def kinetic_energy(
     cfg: Configuration,
     dq: npt.ArrayLike,
@@ -370,6 +372,7 @@ def not_positive_definite(arm: SpaceArm, M: Array, name: str) -> ModelError:
 JointState = Literal["free", "braked"]
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Capture(Result):
     """The arm with its target just after the grasp.
@@ -455,7 +458,7 @@ def momentum_and_torque(arm: SpaceArm, q: Array, dq: Array, ddq: Array) -> tuple
     return momentum, torque
 
 
-@of_configuration
+@checked
 def capture(
     cfg: Configuration,
     target_twist: npt.ArrayLike,

@@ -19,15 +19,15 @@ from spacearm.equations import turns
 from spacearm.equations.turns import GAUSS, magnus
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.arm_kernels import ArmKernel
-from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, kinematics, still_wheels
 from spacearm.model.joints import joint_vector
+from spacearm.signatures import checked
 
 STEP = 0.05
 """Largest joint motion [rad] or [m] of one integration step along a segment."""
 
 
-@of_configuration
+@checked
 def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
     """Return the configuration after the joints have moved straight from cfg.q to q.
 

@@ -20,13 +20,15 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, listed, unknown
-from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
 from spacearm.results import Cell, Description, Measure, Result, Table, without_noise
+from spacearm.signatures import checked
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class MomentumMatrix(Result):
     """The centroidal momentum matrix [A_b A_q]: h = A_b v_b + A_q dq.
@@ -67,7 +69,7 @@ class MomentumMatrix(Result):
         )
 
 
-@of_configuration
+@checked
 def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
     """Compute the centroidal momentum matrix, split into its base and joint blocks.
 
@@ -98,7 +100,7 @@ def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
     return MomentumMatrix(cfg.arm, base, A[:, 6:])
 
 
-@of_configuration
+@checked
 def base_velocity(cfg: Configuration, dq: npt.ArrayLike) -> Array:
     """Compute the spacecraft's twist from the momentum: v_b = A_b^-1 (h - h_w - A_q dq).
 
@@ -140,7 +142,7 @@ def base_response(A: Array, f: int = 6) -> Array:
     return np.linalg.solve(A[:f, :f], A[:f, 6:])
 
 
-@of_configuration
+@checked
 def generalized_jacobian(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Array:
     """Compute J* with [rdot_E; w_E] = J* dq at zero momentum, equation (35).
 
@@ -173,7 +175,7 @@ def generalized_jacobian(cfg: Configuration, *, mode: BaseMode = "free-floating"
     return cfg.J[:, 6:] - cfg.J[:, :f] @ base_response(cfg.A, f)
 
 
-@of_configuration
+@checked
 def fixed_base_jacobian(cfg: Configuration) -> Array:
     """Return J_q, the Jacobian of the same arm on a fixed base.
 
@@ -193,6 +195,7 @@ def fixed_base_jacobian(cfg: Configuration) -> Array:
     return generalized_jacobian(cfg, mode="fixed")
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class PrescribedMotion(Result):
     """The tip's twist J dq + drift while some joints move at prescribed rates.
@@ -233,7 +236,7 @@ class PrescribedMotion(Result):
         return both.reshape(-1, 2, 3, both.shape[1]).swapaxes(2, 3)
 
 
-@of_configuration
+@checked
 def prescribed_motion(
     cfg: Configuration,
     rates: Mapping[str, float],
@@ -276,7 +279,7 @@ def prescribed_motion(
     return PrescribedMotion(arm, names, J[:, free], drift)
 
 
-@of_configuration
+@checked
 def generalized_jacobian_derivative(
     cfg: Configuration, *, mode: BaseMode = "free-floating"
 ) -> Array:
@@ -308,7 +311,7 @@ def generalized_jacobian_derivative(
     return np.asarray(dJ[..., 6:] - dJ[..., :f] @ X - cfg.J[:, :f] @ dX)
 
 
-@of_configuration
+@checked
 def generalized_jacobian_rate(cfg: Configuration, dq: npt.ArrayLike) -> Array:
     """Compute dJ*/dt of the free-floating system for joint rates dq.
 

@@ -25,6 +25,7 @@ from spacearm.errors import ConfigurationError, ModelError, listed, unknown
 from spacearm.mechanics.free_rotation import FreeRotation
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.results import Cell, Column, Described, Description, Measure, Table
+from spacearm.signatures import checked
 
 HERE = pin.SE3.Identity()
 NONE: Mapping[str, PoseLike] = {}
@@ -48,6 +49,7 @@ class Frame(NamedTuple):
         return named(self)
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class Target(Described):
     """A free rigid body, such as debris to be caught: it drifts and tumbles, no torque acting.

@@ -32,12 +32,13 @@ from spacearm.mission.attitude_search import (
     volume,
 )
 from spacearm.mission.branches import HeldTip
-from spacearm.model.arguments import FLOATING, of_configuration, require_possible
+from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, Path, follow, path_start, segments
 from spacearm.motion.leading import Settings, table_of
 from spacearm.planning.many_curves import turning_axes
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
+from spacearm.signatures import checked
 
 MARGIN = float(np.radians(1.0))
 """Default least distance to the singular set [rad]."""
@@ -63,6 +64,7 @@ class Ball(NamedTuple):
         return named(self)
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class FeasibleAttitudes(Result):
     """The attitudes of the spacecraft from which the tip can follow a path.
@@ -192,9 +194,12 @@ class FeasibleAttitudes(Result):
             i: Number of the attitude; the best if None.
 
         Raises:
+            ConfigurationError: There is no such attitude.
             NoSolutionError: There is no posture with the tip there.
         """
         i = self.best if i is None else i
+        if not 0 <= i < len(self.q):
+            raise ConfigurationError(f"i is {i}; give one of 0 to {len(self.q) - 1}")
         if not np.isfinite(self.q[i]).all():
             raise NoSolutionError(f"attitude {i} has no posture with the tip at the path's start")
         R = pin.Quaternion(self.attitude[i]).normalized().matrix()
@@ -272,7 +277,7 @@ class FeasibleAttitudes(Result):
         return f"none of {len(self.ended)} attitudes is feasible ({', '.join(ends)})"
 
 
-@of_configuration
+@checked
 def feasible_attitudes(
     start: Configuration,
     path: Path,

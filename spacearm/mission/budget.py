@@ -21,7 +21,7 @@ from spacearm.arrays import Array, positive
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, prescribed_motion
 from spacearm.mission.attitudes import turning_axis
-from spacearm.model.arguments import BaseMode, of_configuration
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, still_wheels
 from spacearm.motion.events import first_fall
 from spacearm.motion.following import Segment
@@ -29,6 +29,7 @@ from spacearm.motion.goal import goal_rows
 from spacearm.motion.leading import ENDS, Led, Settings, lead_all, table_of
 from spacearm.motion.motion import Motion
 from spacearm.results import Cell, Description, Measure, Result, Table, joint_measures
+from spacearm.signatures import checked
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
@@ -48,6 +49,7 @@ PARTS = (1, 2, 4, 8, 16, 32, 64)
 """Rows into which a step is cut, the fewest that lack no more momentum than they may."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class MomentumBudget(Result):
     """What momentum on board does to a posture, and how long the arm can make up for it.
@@ -119,7 +121,7 @@ class MomentumBudget(Result):
         return Description(title=arm.name, verdict=self.verdict, tables=[Table.facts(facts)])
 
 
-@of_configuration
+@checked
 def momentum_budget(
     cfg: Configuration, *, horizon: float = HORIZON, limits: bool = True
 ) -> MomentumBudget:

@@ -37,7 +37,6 @@ from spacearm.mechanics.dynamics import (
     spacecraft_twist,
 )
 from spacearm.mechanics.target import Target
-from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.motion.controllers import Tracking
@@ -50,6 +49,7 @@ from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Plan
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
+from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.sets import prove_regular, singular_set
 
@@ -102,6 +102,7 @@ class Braking(Motion):
     momentum: Array = field(kw_only=True)
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Catch(Result):
     """How an arm catches a target, from `sa.catch`.
@@ -270,7 +271,7 @@ class Catch(Result):
         return {name: plain(value) for name, value in told.items()}
 
 
-@of_configuration
+@checked
 def catch(
     start: Configuration,
     target: Target,

@@ -22,12 +22,12 @@ from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedErro
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mission.attitudes import sound_margin, turning_axis
 from spacearm.mission.rotations import angle_between, evenly_spread
-from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import as_goal
 from spacearm.motion.leading import Led, PathTable, Settings, lead_all
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
+from spacearm.signatures import checked
 
 RAYS = {2: 360, 3: 1000}
 """Default number of directions, in the plane and in space."""
@@ -43,6 +43,7 @@ FOLLOWING = Settings(tolerance=1e-8, stride=0.01)
 Integers = npt.NDArray[np.int64]
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class LevelReach(Result):
     """Where the tip can go with the spacecraft turned by no more than `tilt` on the way.
@@ -146,6 +147,7 @@ class LevelReach(Result):
         )
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class LevelEnvelope(Result):
     """How far the tip can go with a level spacecraft, over bus masses (b,) and turns (t,).
@@ -197,7 +199,7 @@ class LevelEnvelope(Result):
         )
 
 
-@of_configuration
+@checked
 def level_reach(
     start: Configuration,
     tilt: float,
@@ -264,7 +266,7 @@ def level_reach(
     )  # fmt: skip
 
 
-@of_configuration
+@checked
 def level_envelope(
     start: Configuration,
     tilts: Sequence[float],

@@ -16,24 +16,26 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, finite, positive, whole
+from spacearm.arrays import Array, Progress, finite, positive, whole, within_100
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.floating import walk
 from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, task_jacobian
-from spacearm.model.arguments import HELD, of_arm
+from spacearm.model.arguments import HELD
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.wheels import WheelLoad, carried
 from spacearm.motion.motion import UNBOUNDED, Motion, Playable, Trajectory, jump_notes
 from spacearm.planning.result import Plan
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
+from spacearm.signatures import checked
 from spacearm.singularities.risk import NEAR, uniform
 
 PERCENTILES = (50.0, 90.0, 95.0, 99.0, 100.0)
 """Those that are reported of the momentum of wheels."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Reaction(Result):
     """What a motion of the arm does to its spacecraft, and what holding the attitude takes.
@@ -175,6 +177,7 @@ class Reaction(Result):
         )
 
 
+@checked
 def reaction(
     motion: Playable,
     *,
@@ -248,6 +251,7 @@ def _held_momentum(cfg: Configuration) -> Array:
     return np.asarray(cfg.base.rotation.T @ momentum_matrix(cfg).A_q[3:])
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class WheelSizing(Result):
     """The momentum, and of motions the torque, that wheels need to hold the attitude.
@@ -293,9 +297,13 @@ class WheelSizing(Result):
 
         Args:
             percent: The share, up to 100.
+
+        Raises:
+            ConfigurationError: It is none from 0 to 100.
         """
-        each = np.percentile(self.axes, percent, axis=0)
-        return np.asarray(each), float(np.percentile(self.momentum, percent))
+        share = within_100(percent, "percent")
+        each = np.percentile(self.axes, share, axis=0)
+        return np.asarray(each), float(np.percentile(self.momentum, share))
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain JSON data, with the percentiles of the momentum."""
@@ -327,7 +335,7 @@ class WheelSizing(Result):
         )
 
 
-@of_arm
+@checked
 def size_wheels(
     arm: SpaceArm,
     motions: Playable | Sequence[Playable] | None = None,

@@ -1,13 +1,12 @@
-"""Arguments that most functions have: a configuration or an arm first, and a mode."""
+"""Modes: what the spacecraft does while its arm moves."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import lru_cache, wraps
-from typing import Literal, ParamSpec, TypeVar
+from functools import lru_cache
+from typing import Literal
 
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
-from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.arm import SpaceArm
 
 BaseMode = Literal["free-floating", "attitude-controlled", "fixed"]
 
@@ -43,62 +42,3 @@ def require_possible(arm: SpaceArm, mode: BaseMode) -> None:
     """
     if fault := impossible(arm, mode):
         raise UnsupportedError(f"{arm.name}: {fault}")
-
-
-P = ParamSpec("P")
-T = TypeVar("T")
-
-
-def of_configuration(function: Callable[P, T]) -> Callable[P, T]:
-    """Have a function whose first argument is a `Configuration` say so where it is something else.
-
-    Raises:
-        ConfigurationError: It is; names what to write. Or `mode` is none of the modes.
-    """
-
-    @wraps(function)
-    def checked(*args: P.args, **kwargs: P.kwargs) -> T:
-        name = function.__name__
-        if args and not isinstance(args[0], Configuration):
-            if name in (equations := getattr(args[0], "equations", {})):
-                found: T = equations[name](*args[1:], **kwargs)
-                return found  # of a configuration of symbols
-            given, rest = args[0], "q" if len(args) > 1 else "q, one number per joint"
-            raise ConfigurationError(
-                f"sa.{name} takes a configuration, not an arm: sa.{name}(arm.at({rest}))"
-                if isinstance(given, SpaceArm)
-                else f"sa.{name} takes a configuration, not a {type(given).__name__}; make one of "
-                f"an arm and joint positions: sa.{name}(arm.at(q))"
-            )
-        _check_mode(kwargs)
-        return function(*args, **kwargs)
-
-    return checked
-
-
-def of_arm(function: Callable[P, T]) -> Callable[P, T]:
-    """Have a function whose first argument is a `SpaceArm` say so where it is something else.
-
-    Raises:
-        ConfigurationError: It is; names what to write. Or `mode` is none of the modes.
-    """
-
-    @wraps(function)
-    def checked(*args: P.args, **kwargs: P.kwargs) -> T:
-        if args and not isinstance(given := args[0], SpaceArm):
-            instead = f"a {type(given).__name__} is none; load one: arm = sa.load(...)"
-            if isinstance(given, Configuration):
-                instead = "of a configuration that is cfg.arm"
-            elif isinstance(given, str):
-                instead = f"load it first: arm = sa.load({given[:60]!r})"
-            raise ConfigurationError(f"sa.{function.__name__} takes an arm; {instead}")
-        _check_mode(kwargs)
-        return function(*args, **kwargs)
-
-    return checked
-
-
-def _check_mode(named: Mapping[str, object]) -> None:
-    """Raise the error for a mode that does not exist."""
-    if "mode" in named:
-        free_components(str(named["mode"]))

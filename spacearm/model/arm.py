@@ -21,7 +21,13 @@ from spacearm.description.model_catalogue import holding
 from spacearm.description.tips import Counting, Tips, choose_tips, hold, only_tip, remaining
 from spacearm.description.tree import Tree, Wheels, coupling, joint_limits
 from spacearm.description.urdf_writer import document
-from spacearm.errors import ModelError, UnsupportedError, called_from_outside, listed, warn
+from spacearm.errors import (
+    ModelError,
+    UnsupportedError,
+    called_from_outside,
+    listed,
+    warn,
+)
 from spacearm.files import write
 from spacearm.model.frames import LWA, PoseLike, sound_pose
 from spacearm.model.joints import JointSpace, joint_vector, outside_limits, warn_outside
@@ -29,6 +35,7 @@ from spacearm.model.task import Task, usual_task, with_length
 from spacearm.model.task_rank import MovableRows
 from spacearm.model.wheels import Wheel, wheel_table, wheels_of
 from spacearm.results import Cell, Column, Described, Description, Measure, Table, joint_measures
+from spacearm.signatures import checked
 
 MOST_JOINTS = 200
 """Largest number of movable joints that count."""
@@ -38,6 +45,7 @@ MOMENTUM = "[linear [kg m/s]; angular about the system CM [kg m^2/s]]"
 """What the six numbers of a momentum are, for messages."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class SpaceArm(JointSpace, Described):
     """A free-floating spacecraft with an arm. It never changes; `replace` gives a new one.
@@ -218,7 +226,7 @@ class SpaceArm(JointSpace, Described):
         """
         base = pin.SE3.Identity() if base is None else sound_pose(base, "base")
         cfg = kinematics(self, joint_vector(self, q, "q"), base)
-        if called_from_outside(1):
+        if called_from_outside(2):
             warn_outside(self, cfg.q)
         if momentum is not None:
             cfg = cfg.with_momentum(momentum)
@@ -438,16 +446,18 @@ class SpaceArm(JointSpace, Described):
         return self.__dict__ | {"_spare": [], "held": dict(self.held)}
 
     def __repr__(self) -> str:
-        held = f", held {', '.join(self.held)}" if self.held else ""
+        name, tips = self.label, listed(list(map(repr, self.tips)))
+        held = f", held {listed(self.held)}" if self.held else ""
         return (
-            f"SpaceArm({self.name}: {self.n} joints, {self.mass:g} kg, "
-            f"tip {', '.join(map(repr, self.tips))}, task {self.task.names!r}{held})"
+            f"SpaceArm({name}: {self.n} joints, {self.mass:g} kg, tip {tips}, "
+            f"task {self.task.names!r}{held})"
         )
 
 
 plain.register(SpaceArm, lambda arm: arm.name)
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Configuration:
     """A posture q and a spacecraft pose, with the two matrices that everything follows from.
@@ -547,9 +557,13 @@ class Configuration:
         arm.give_back(data)
         return replace(self, wheels=read_only(h), stored=read_only(stored))
 
-    def centred(self, com: Array) -> Configuration:
-        """Return the same posture and attitude with the system CM at `com` (3,) [m]."""
-        by = com - self.com
+    def centred(self, com: npt.ArrayLike) -> Configuration:
+        """Return the same posture and attitude with the system CM at `com` (3,) [m].
+
+        Raises:
+            ConfigurationError: It has the wrong shape or is not finite.
+        """
+        by = finite(com, (3,), "com", "[m]") - self.com
         base, *tips = (pin.SE3(pose) for pose in (self._base, *self._tips))
         for pose in (base, *tips):
             pose.translation += by
@@ -576,7 +590,7 @@ class Configuration:
     def __repr__(self) -> str:
         base = np.array2string(pin.SE3ToXYZQUAT(self.base), precision=6, separator=", ")
         q = np.array2string(self.q, precision=6, separator=", ")
-        return f"Configuration({self.arm.name}, q={q}, base(xyz, xyzw)={base})"
+        return f"Configuration({self.arm.label}, q={q}, base(xyz, xyzw)={base})"
 
 
 def still_wheels(cfg: Configuration, what: str) -> None:

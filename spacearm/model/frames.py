@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from spacearm.arrays import LARGEST, finite, plain, shape_of
 from spacearm.errors import ConfigurationError
+from spacearm.signatures import checked
 
 LWA = pin.LOCAL_WORLD_ALIGNED
 """Pinocchio's frame for twists and Jacobians: of the frame's origin, in inertial axes."""
@@ -19,6 +20,7 @@ PoseLike: TypeAlias = pin.SE3 | npt.ArrayLike
 """A pose as a caller may give it: a pin.SE3 or a (4, 4) homogeneous matrix."""
 
 
+@checked
 def pose(xyz: npt.ArrayLike = (0.0, 0.0, 0.0), rpy: npt.ArrayLike = (0.0, 0.0, 0.0)) -> pin.SE3:
     """Make a pose of a position and of roll, pitch and yaw, as the origins of a URDF have them.
 

@@ -9,10 +9,19 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, NO_NUMBERS, Array, read_only
+from spacearm.arrays import LARGEST, Array, numbers_of, read_only
 from spacearm.description.tree import Tree
-from spacearm.errors import ConfigurationError, call_site, listed, unknown, warn
+from spacearm.errors import (
+    LONGEST_NAME,
+    ConfigurationError,
+    call_site,
+    listed,
+    shortened,
+    unknown,
+    warn,
+)
 from spacearm.model.task import Task
+from spacearm.signatures import checked
 
 ROUNDING = 1e-9
 """How far outside its limits a joint still counts as at the limit [rad], for values in degrees."""
@@ -20,6 +29,7 @@ TURN = 2.0 * np.pi
 _warned: set[tuple[str, int]] = set()
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class JointSpace:
     """What is known of the joints of a `SpaceArm`, whose docstring explains the attributes."""
@@ -34,6 +44,11 @@ class JointSpace:
     offsets: Array
     lower: Array
     upper: Array
+
+    @property
+    def label(self) -> str:
+        """The robot's name, its middle left out where it is too long to read."""
+        return shortened(self.name, LONGEST_NAME)
 
     @property
     def n(self) -> int:
@@ -96,11 +111,7 @@ def joint_vector(arm: JointSpace, values: npt.ArrayLike, what: str) -> Array:
     Raises:
         ConfigurationError: It has another shape, or a number is not finite; names the joint.
     """
-    try:
-        vector = np.array(values, dtype=np.float64)
-    except NO_NUMBERS as error:
-        why = f"give the .q of the {type(values).__name__}" if hasattr(values, "q") else error
-        raise ConfigurationError(f"{what} must be {arm.n} numbers: {why}") from None
+    vector = numbers_of(values, what)
     if vector.shape != (arm.n,):
         raise ConfigurationError(
             f"{what} has shape {vector.shape}; {arm.name} needs ({arm.n},), one number for each "

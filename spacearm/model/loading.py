@@ -21,8 +21,10 @@ from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.model.task import Task
+from spacearm.signatures import checked
 
 
+@checked
 def load(
     source: RobotSource,
     *,
@@ -103,6 +105,7 @@ def load(
     return SpaceArm.of(tree, path, tip=tip, task=task, joints=joints).warned()
 
 
+@checked
 def mount(
     arm: RobotSource,
     bus: Bus | SpaceArm | RobotSource,

@@ -15,6 +15,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, unknown
+from spacearm.signatures import checked
 
 Rows: TypeAlias = Sequence[str]
 """Names of rows."""
@@ -22,6 +23,7 @@ ROWS = ("x", "y", "z", "rx", "ry", "rz")
 ALIASES = {"pose": ROWS, "position": ROWS[:3], "orientation": ROWS[3:]}
 
 
+@checked
 @dataclass(frozen=True)
 class Task:
     """The rows of the tip's twist that count.

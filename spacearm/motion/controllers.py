@@ -37,6 +37,7 @@ from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.joints import joint_vector
 from spacearm.motion.goal import Goal, goal_pose, goal_rows, miss, out_of_reach, twist_between
 from spacearm.motion.motion import Motion
+from spacearm.signatures import checked
 from spacearm.singularities.report import NO_INVERSE
 
 Controller = Callable[[float, Configuration, Array], npt.ArrayLike]
@@ -46,9 +47,15 @@ MovingGoal: TypeAlias = Goal | Callable[[float], Goal]
 """A goal, or a function of time [s] that gives one: a moving target, or a path and the speed."""
 
 
+@checked
 @dataclass(frozen=True)
 class Law(Parameters, ABC):
     """Base of all controllers here: torques from time, configuration and joint rates."""
+
+    @property
+    def moving(self) -> bool:
+        """Whether the target moves."""
+        return callable(getattr(self, "target", None))
 
     @abstractmethod
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
@@ -59,6 +66,7 @@ class Law(Parameters, ABC):
         """Return the target minus what is there, in the unit of each row."""
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class TipLaw(Law):
     """Base of the laws that lead the tip to a target.
@@ -95,6 +103,7 @@ class TipLaw(Law):
         return goal_rows(cfg, generalized_jacobian(cfg, mode=self.mode))
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class TransposedJacobian(TipLaw):
     """tau = J*^T (K_p (x_des - x) + K_d (xdot_des - xdot)), equation (42), xdot_des zero there.
@@ -115,6 +124,7 @@ class TransposedJacobian(TipLaw):
         return tau
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class RateLaw(TipLaw):
     """Base of the laws that ask for joint rates.
@@ -142,6 +152,7 @@ class RateLaw(TipLaw):
         return inverse_dynamics(cfg, dq, ddq, mode=self.mode).tau
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class ResolvedRate(RateLaw):
     """dq = J*^+ xdot + (1 - J*^+ J*) dq_0: the inverse for square tasks, else the least rates.
@@ -173,6 +184,7 @@ class ResolvedRate(RateLaw):
         return _by_numbers(resolved_rates, J, self.wanted(t, cfg), 0.0, away, gain)
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class DampedLeastSquares(RateLaw):
     """dq = J*^T (J* J*^T + lambda^2 1)^-1 xdot, lambda growing where sigma_min is small.
@@ -207,6 +219,7 @@ class DampedLeastSquares(RateLaw):
         return (scale if rows.ndim > 1 else scale[:, 0]) * rows
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Reactionless(DampedLeastSquares):
     """The joint rates nearest to the task among those that do not turn the spacecraft, D_q dq = 0.
@@ -234,6 +247,7 @@ class Reactionless(DampedLeastSquares):
         )  # fmt: skip
 
 
+@checked
 @dataclass(frozen=True)
 class JointPD(Law):
     """tau = K_p (q_des - q) - K_d dq.
@@ -318,6 +332,7 @@ def check_target(controller: Controller, cfg: Configuration) -> None:
         raise ConfigurationError(far)
 
 
+@checked
 @dataclass(frozen=True)
 class Tracking(Law):
     """tau = inverse dynamics of ddq_d + 2 rate (dq_d - dq) + rate^2 (q_d - q): computed torque.
@@ -370,6 +385,11 @@ class Tracking(Law):
         momentum = getattr(self.motion, "momentum", np.zeros((1, 6)))[0]
         cfg, mode = cfg.with_momentum(momentum), self.motion.mode
         return inverse_dynamics(cfg, dq, ddq, mode=mode, wrenches=wrenches).tau
+
+    @property
+    def moving(self) -> bool:
+        """True: the target is where the motion is at the time."""
+        return True
 
     def error(self, t: float, cfg: Configuration) -> Array:
         """Return q_d - q (n,) [rad] or [m]."""

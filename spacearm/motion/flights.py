@@ -14,7 +14,6 @@ import numpy.typing as npt
 from spacearm.arrays import Array, Parameters, finite, plain, read_only
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.dynamics import Capture, JointState, capture, generalized_velocity
-from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Laws
 from spacearm.motion.events import Event
@@ -22,6 +21,7 @@ from spacearm.motion.motion import Trajectory, events_table
 from spacearm.motion.plant import Integration, Plant, Sampling
 from spacearm.motion.simulation import simulate
 from spacearm.results import Column, Description, Table
+from spacearm.signatures import checked
 
 SUMS = ("impulse", "work", "other_work")
 """Quantities that each phase counts from zero."""
@@ -29,6 +29,7 @@ TOLD = ("phases", "begins", "events", "captures", "ended")
 """What `Flight.to_dict` gives."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Flight(Trajectory):
     """The phases of a flight as one motion, from `sa.simulate_phases`.
@@ -202,6 +203,7 @@ def _wrenches(runs: Sequence[Trajectory]) -> dict[str, Array]:
     }
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Grasp(Parameters):
     """A body that the tip grasps at the end of a phase, by a plastic impact (see `capture`).
@@ -222,11 +224,13 @@ class Grasp(Parameters):
     joints: JointState = "free"
 
 
+@checked
 @dataclass(frozen=True)
 class Release(Parameters):
     """The release, at the end of a phase, of the body that was grasped last; nothing pushes it."""
 
 
+@checked
 @dataclass(frozen=True)
 class Phase(Parameters):
     """A part of a flight.
@@ -257,7 +261,7 @@ class Phase(Parameters):
         return super().to_dict() | {"controller": repr(self.controller), "then": then}
 
 
-@of_configuration
+@checked
 def simulate_phases(
     start: Configuration,
     phases: Sequence[Phase],

@@ -25,7 +25,7 @@ from spacearm.equations.laws import quaternion_rate
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import spacecraft_twist
 from spacearm.mechanics.jacobian import generalized_jacobian, singular_values
-from spacearm.model.arguments import BaseMode, of_configuration, require_possible
+from spacearm.model.arguments import BaseMode, require_possible
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.motion.events import (
     CLOSE,
@@ -48,6 +48,7 @@ from spacearm.motion.goal import (
 from spacearm.motion.motion import Motion, RateJump, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.results import Description
+from spacearm.signatures import checked
 from spacearm.singularities.nearest import nearest_locally
 from spacearm.singularities.report import NO_INVERSE
 
@@ -365,6 +366,7 @@ def state_of(cfg: Configuration, s: float) -> Array:
     return np.concatenate((cfg.q, pin.SE3ToXYZQUAT(cfg.base)[3:], [s]))
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Followed(Motion):
     """The motion of an arm whose tip follows a path, from `sa.follow`.
@@ -431,7 +433,7 @@ class Followed(Motion):
         )
 
 
-@of_configuration
+@checked
 def follow(
     start: Configuration,
     path: Path,

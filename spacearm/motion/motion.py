@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar
@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.interpolate import BPoly, BSpline, CubicSpline, PPoly
 
-from spacearm.arrays import Array, finite, plain, read_only, shape_of
+from spacearm.arrays import Array, finite, numbers_of, plain, read_only, shape_of
 from spacearm.errors import ConfigurationError, listed
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import momentum_and_torque
@@ -28,6 +28,7 @@ from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.tubes import straight
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
+from spacearm.signatures import checked, fits, shown
 from spacearm.singularities.nearest import distances_found
 from spacearm.singularities.sets import prove_regular
 
@@ -89,6 +90,7 @@ class Playable(Protocol):
 AnyMotion = TypeVar("AnyMotion", bound="Motion")
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Motion(Result):
     """A sampled motion, linear between its samples.
@@ -153,16 +155,14 @@ class Motion(Result):
         """
         if isinstance(thing, Motion):
             return thing
-        try:
-            base = [pin.SE3ToXYZQUAT(b) if isinstance(b, pin.SE3) else b for b in thing.base]
-            return Motion(thing.arm, thing.t, thing.q, np.array(base, dtype=np.float64))
-        except (AttributeError, TypeError, ValueError) as error:
-            if isinstance(error, ConfigurationError):
-                raise
+        fit = fits(thing, Playable) and isinstance(thing.arm, SpaceArm)
+        if not fit or not isinstance(thing.base, Iterable):
             raise ConfigurationError(
-                f"a {type(thing).__name__} cannot be played ({error}); give a SpaceArm, or an "
-                "object with arm, t (m,), q (m, n) and base (m poses)"
-            ) from None
+                f"{shown(thing)} cannot be played; give a motion, or an object with arm, t (m,), "
+                "q (m, n) and base (m poses)"
+            )
+        base = [pin.SE3ToXYZQUAT(b) if isinstance(b, pin.SE3) else b for b in thing.base]
+        return Motion(thing.arm, thing.t, thing.q, numbers_of(base, "base"))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -340,7 +340,7 @@ class Motion(Result):
         )
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.arm.name}, {self.story}, {len(self)} samples)"
+        return f"{type(self).__name__}({self.arm.label}, {self.story}, {len(self)} samples)"
 
     def describe(self) -> Description:
         """Describe the joints on the way, and spacecraft, tips and singularity at both ends."""
@@ -438,6 +438,7 @@ def _pose(row: Array) -> pin.SE3:
     return pin.SE3(pin.Quaternion(np.array(quaternion)).normalized(), np.array([x, y, z]))
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Trajectory(Motion):
     """The motion of an arm under joint torques, from `sa.simulate`: a `Motion` with more to it.
@@ -573,7 +574,7 @@ class Trajectory(Motion):
         first = f", first {self.events[0].kind} at {self.events[0].t:.4g} s" if self.events else ""
         called = "".join(f"; {reason}" for reason in self.called)
         return (
-            f"Trajectory({self.arm.name}, {self.mode}: {self.t[-1]:.6g} s, {len(self.t)} times, "
+            f"Trajectory({self.arm.label}, {self.mode}: {self.t[-1]:.6g} s, {len(self.t)} times, "
             f"ended by {self.ended}{first}{called})"
         )
 

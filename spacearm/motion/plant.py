@@ -13,6 +13,7 @@ from spacearm.arrays import LARGEST, Array, Parameters, finite, named, positive,
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import EVENTS
+from spacearm.signatures import checked
 
 Wrench: TypeAlias = npt.ArrayLike | Callable[[float], npt.ArrayLike]
 """(6,) [force [N]; torque [N m]], or a function of time [s] that gives it."""
@@ -63,6 +64,7 @@ def described(arm: SpaceArm) -> dict[str, PassiveJoint]:
     }
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class WheelHold(Parameters):
     """Wheels that hold the spacecraft's attitude at the start until they saturate.
@@ -91,6 +93,7 @@ class WheelHold(Parameters):
                 raise ConfigurationError(f"{name} of the wheels is {value!r}; give one from 0 on")
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Plant(Parameters):
     """What acts on a simulated arm besides its controller.
@@ -140,6 +143,7 @@ class Plant(Parameters):
         ]
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Integration(Parameters):
     """How a simulation is integrated, and what is looked for on the way.
@@ -174,6 +178,7 @@ class Integration(Parameters):
             raise ConfigurationError(unknown("method", self.method, METHODS))
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Sampling(Parameters):
     """How a controller in a computer sees the arm and acts.

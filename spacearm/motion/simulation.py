@@ -21,7 +21,7 @@ from spacearm.arrays import finite, positive, shape_of, whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError, NoSolutionError, unknown
 from spacearm.mechanics.arm_kernels import structure_of
-from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
 from spacearm.motion.controllers import Controller, Laws, check_target
@@ -30,6 +30,7 @@ from spacearm.motion.motion import Trajectory
 from spacearm.motion.plant import Integration, Plant, Sampling
 from spacearm.motion.run import Progress, Runs
 from spacearm.motion.system import Prepared, System, prepared, wanted_events
+from spacearm.signatures import checked
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,7 +44,7 @@ ROUNDING = 1e-9
 """Share of an interval of the output up to which the last one is not worth a row of its own."""
 
 
-@of_configuration
+@checked
 def simulate(
     start: Configuration,
     controller: Laws,
@@ -179,6 +180,7 @@ UNITS = {
 """Units of what is kept of each run."""
 
 
+@checked
 def simulate_many(
     starts: Configuration | Sequence[Configuration],
     controller: Laws | Sequence[Laws],
@@ -357,12 +359,10 @@ def _arm_of(starts: Sequence[Configuration]) -> SpaceArm:
     """Return the arm of all starts.
 
     Raises:
-        ConfigurationError: Something else is given, or arms that differ by more than masses.
+        ConfigurationError: There are none, or their arms differ by more than masses.
     """
-    if not starts or any(not isinstance(cfg, Configuration) for cfg in starts):
-        raise ConfigurationError(
-            "sa.simulate_many takes configurations of one arm: [arm.at(q) for q in Q0]"
-        )
+    if not starts:
+        raise ConfigurationError("starts is empty; give configurations: [arm.at(q) for q in Q0]")
     arm = starts[0].arm
     if any(structure_of(own) != structure_of(arm) for own in {cfg.arm for cfg in starts}):
         raise ConfigurationError("the starts are of several arms; give configurations of one arm")

@@ -20,12 +20,14 @@ from spacearm.motion.goal import Goal, Origin, goal_pose, started
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.account import Progress, SearchAccount
 from spacearm.planning.timing import for_each_joint, largest_rates
+from spacearm.signatures import checked
 
 FARTHEST = 1.0
 """Largest clearance [rad]: the distance to the singular set is too rough beyond."""
 METHODS = ("auto", "straight", "joint space", "roadmap", "cycles", "attitude first", "tree")
 
 
+@checked
 @dataclass(frozen=True)
 class Joints:
     """A goal in joint space.
@@ -41,6 +43,7 @@ class Joints:
         return {"q": np.asarray(self.q).tolist()}
 
 
+@checked
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Constraints(Parameters):
     """What must hold on the way of a plan.
@@ -99,6 +102,7 @@ class Constraints(Parameters):
         return for_each_joint(arm, self.rates, "rates", largest_rates(arm))
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Search:
     """How a plan is searched for.

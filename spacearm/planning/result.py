@@ -30,6 +30,7 @@ from spacearm.planning.timing import (
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.tubes import of_spline
 from spacearm.results import Cell, Description, Measure, Result, Table
+from spacearm.signatures import checked
 from spacearm.singularities.nearest import NearestSingular, nearness
 from spacearm.singularities.sets import nearest_on_way, prove_regular, prove_way
 
@@ -70,14 +71,15 @@ class ArrivalError(NamedTuple):
     attitude: float
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Plan(Motion):
     """A motion of the joints from rest to rest, from `sa.plan`: a `Motion` with more to it.
 
     `sa.Tracking` leads the joints through the rows along quintic splines, which arrive:
     `arrival_error` says how exactly. `nearest` and `certificate` are of these splines, rounding
-    included. Collisions are checked along the straight lines between the rows, which keep the
-    velocity limits of the URDF.
+    included, and so are limits and contacts of the arm's own bodies. Obstacles are checked along
+    the straight lines between the rows, which keep the velocity limits of the URDF.
 
     Attributes:
         method: The method that found it.
@@ -301,7 +303,7 @@ class Plan(Motion):
 
     def __repr__(self) -> str:
         way = f"{self.method}: {self.travel}, {self.t[-1]:.4g} s"
-        return f"Plan({self.arm.name}, {way}, {len(self)} rows)"
+        return f"Plan({self.arm.label}, {way}, {len(self)} rows)"
 
 
 def landed(
@@ -343,6 +345,7 @@ def best_attempt(cfg: Configuration, rows: object, tried: Iterable[Attempt] = ()
 Answer: TypeAlias = Literal["yes", "no", "unknown"]
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Connection(Result):
     """Whether a joint path without singularities leads from one posture to another.

@@ -25,6 +25,7 @@ from spacearm.planning.reactions import Wheels, load_of
 from spacearm.planning.result import Plan, landed
 from spacearm.planning.strategies.attitude_held import slowed
 from spacearm.planning.timing import corners, for_each_joint, largest_rates
+from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.sets import prove_way
 
@@ -194,6 +195,7 @@ DIVIDED = (1, 2, 4, 8)
 """Knots between two rows, tried in order."""
 
 
+@checked
 def time_optimal(
     motion: AnyMotion,
     *,

@@ -24,11 +24,11 @@ from spacearm.files import writable, write
 from spacearm.mechanics.batch import evaluate
 from spacearm.mission.level import level_envelope, level_reach
 from spacearm.mission.reactions import size_wheels
-from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_vector
 from spacearm.plots.show import plot
 from spacearm.results import Column, Description, Table
+from spacearm.signatures import checked
 from spacearm.singularities.map import singular_map
 from spacearm.singularities.report import singularity
 from spacearm.singularities.risk import risk_profile, uniform
@@ -159,7 +159,7 @@ def page(title: str, about: str, sections: Sequence[Section]) -> str:
     )
 
 
-@of_arm
+@checked
 def design_report(
     arm: SpaceArm,
     path: str | os.PathLike[str],

@@ -6,6 +6,7 @@ import inspect
 from typing import TYPE_CHECKING, Any
 
 from spacearm.errors import ConfigurationError
+from spacearm.signatures import checked
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, FigureBase
 
 
+@checked
 def plot(
     thing: object, ax: Axes | Sequence[Axes] | FigureBase | None = None, **options: Any
 ) -> Figure:

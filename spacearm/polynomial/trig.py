@@ -37,6 +37,7 @@ from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.polynomial.contraction import Index, T, contract, over_blocks, to_complex, to_real
 from spacearm.polynomial.univariate import Complex, Roots, distinct, line_roots, orders, real_roots
 from spacearm.results import Cell, Described, Description, Measure, Table
+from spacearm.signatures import checked
 
 Sampler = Callable[[Array], Array]
 Integers = npt.NDArray[np.int_]
@@ -131,6 +132,7 @@ NOISE = 1e-12
 EPS = float(np.finfo(np.float64).eps)
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class TrigPolynomial(Described):
     """A real trigonometric polynomial of n angles.

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, named
+from spacearm.arrays import Array, Progress, named, numbers_of
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
@@ -28,6 +28,7 @@ from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.tubes import Tubes, foot, straight
 from spacearm.polynomial.univariate import Roots
 from spacearm.results import Cell, Described, Description, Table
+from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import any_payload, immaterial_links, payload_note
 from spacearm.singularities.nearest import NearestSingular, most_boxes, nearest_singular
 from spacearm.singularities.polynomials import minors_of, proving_minors
@@ -178,8 +179,8 @@ def path_rows(arm: SpaceArm, path: Path) -> Array:
     Raises:
         ConfigurationError: There is none, or a row is none.
     """
-    given = np.asarray(getattr(path, "q", path))
-    rows = np.array([joint_vector(arm, q, "path") for q in np.atleast_2d(given)])
+    given = np.atleast_2d(numbers_of(getattr(path, "q", path), "path"))
+    rows = np.array([joint_vector(arm, q, "path") for q in given])
     if not len(rows):
         raise ConfigurationError("path has no rows; give at least one configuration")
     return rows
@@ -220,6 +221,7 @@ class Component(NamedTuple):
         return f"Component({len(self.points)} points, R from {low:.7g} to {high:.7g} m)"
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class SingularSet(Described, ABC):
     """The configurations at which the task Jacobian of an arm is singular; see `singular_set`.

@@ -25,13 +25,14 @@ import scipy.sparse as sp
 from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, StoreError
 from spacearm.files import write
-from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales, joint_vector
 from spacearm.polynomial.free_regions import Roots
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.tubes import ROUNDING
 from spacearm.results import Cell, Column, Description, Result, Table
+from spacearm.signatures import checked
 from spacearm.singularities.joint_boxes import TURN, minors_for_proofs, range_allowed
 
 BATCH = 4096
@@ -62,6 +63,7 @@ class Cells(NamedTuple):
     free: npt.NDArray[np.bool_]
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class FreeBoxes(Result):
     """Boxes that cover regular configurations, joined where they share a part of a face.
@@ -303,7 +305,7 @@ def _bodies(arm: SpaceArm) -> str:
     return hashlib.sha256(np.concatenate(numbers).tobytes() + repr(words).encode()).hexdigest()
 
 
-@of_arm
+@checked
 def free_boxes(
     arm: SpaceArm,
     *,

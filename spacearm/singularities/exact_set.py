@@ -29,6 +29,7 @@ from spacearm.polynomial.newton import bounded_extreme
 from spacearm.polynomial.triangle import Triangle
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.polynomial.univariate import Roots, distinct, line_roots
+from spacearm.signatures import checked
 from spacearm.singularities.abstract_set import Component, SingularSet, prove_free
 from spacearm.singularities.nearest import AT_A_ROOT
 from spacearm.singularities.polynomials import distances, radius_squared
@@ -75,6 +76,7 @@ VANISHES = 1e-9
 """Share of the scale below which a polynomial vanishes at a root of another."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class ExactSet(SingularSet):
     """The whole singular set of an arm whose minors form a triangle.
@@ -132,7 +134,7 @@ class ExactSet(SingularSet):
 
     def __repr__(self) -> str:
         degrees = ", ".join(str(f.degrees) for f in self.triangle.equations)
-        return f"ExactSet({self.arm.name}, degrees {degrees})"
+        return f"ExactSet({self.arm.label}, degrees {degrees})"
 
     def roots(self, q: npt.ArrayLike, joint: int | str | None = None) -> Roots:
         """Find every singular value of one joint; see `SingularSet.roots`."""

@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, positive
+from spacearm.arrays import Array, Progress, numbers_of, positive
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.files import write
 from spacearm.model.arguments import BaseMode, require_possible
@@ -28,6 +28,7 @@ from spacearm.polynomial.free_regions import Roots, halved
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.tubes import ROUNDING
 from spacearm.results import Cell, Description, Result, Table, joint_measures
+from spacearm.signatures import checked
 from spacearm.singularities.nearest import NearestSearch
 from spacearm.singularities.polynomials import proving_minors
 
@@ -94,6 +95,7 @@ class Stop(NamedTuple):
     at: Array | None
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class FreeBox(Result):
     """Ranges of the joints in which no configuration is singular: proven, rounding included.
@@ -134,7 +136,7 @@ class FreeBox(Result):
         Raises:
             ConfigurationError: They have another shape.
         """
-        q = np.asarray(getattr(postures, "q", postures), dtype=np.float64)
+        q = numbers_of(getattr(postures, "q", postures), "postures")
         if q.ndim not in (1, 2) or q.shape[-1] != self.arm.n:
             raise ConfigurationError(
                 f"joint positions have shape {q.shape}; give ({self.arm.n},) or (m, {self.arm.n})"
@@ -201,6 +203,7 @@ class FreeBox(Result):
         return f", nor any within {degrees:.4g}° of them" if self.clearance else ""
 
 
+@checked
 def free_box(
     about: Postures,
     *,

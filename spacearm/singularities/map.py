@@ -12,10 +12,10 @@ import numpy.typing as npt
 from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import ConfigurationError, StoppedError
 from spacearm.mechanics.batch import evaluate
-from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
 from spacearm.results import Cell, Description, Measure, Result, Table
+from spacearm.signatures import checked
 from spacearm.singularities.polynomials import chart_of
 from spacearm.singularities.sets import singular_set
 
@@ -23,6 +23,7 @@ LINES, ON_LINE = 16, 32
 """Postures, and points on a line through each, by which the joints of a map are chosen."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class SingularMap(Result):
     """Distance to the singular set and singular curves over two joints, the others held.
@@ -75,7 +76,7 @@ class SingularMap(Result):
         )
 
 
-@of_arm
+@checked
 def singular_map(
     arm: SpaceArm,
     joints: tuple[str, str] | None = None,

@@ -31,11 +31,12 @@ from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
 from spacearm.mechanics import batch
 from spacearm.mechanics.jacobian import task_jacobian
-from spacearm.model.arguments import BaseMode, of_arm, require_possible
+from spacearm.model.arguments import BaseMode, require_possible
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle, eliminate, find_triangle, share_root
 from spacearm.polynomial.trig import Sampler, TrigPolynomial, degrees_of
+from spacearm.signatures import checked
 from spacearm.singularities.nearest import is_singular, lose_rank
 
 Indices = npt.NDArray[np.int_]
@@ -51,7 +52,7 @@ MIMIC = (
 """Why arms with such joints have no singularity polynomial."""
 
 
-@of_arm
+@checked
 def singularity_polynomial(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> TrigPolynomial:
     """Compute S(q), which vanishes exactly where the task Jacobian is singular.
 

@@ -13,7 +13,7 @@ from spacearm.arrays import Array, Progress
 from spacearm.errors import ConfigurationError, listed
 from spacearm.mechanics.distance import rank_distances_of, refined_at
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
-from spacearm.model.arguments import BaseMode, impossible, of_configuration
+from spacearm.model.arguments import BaseMode, impossible
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_scales
 from spacearm.results import (
@@ -27,6 +27,7 @@ from spacearm.results import (
     joint_measures,
     without_noise,
 )
+from spacearm.signatures import checked
 from spacearm.singularities.nearest import NearestSingular, angle, nearness
 from spacearm.singularities.rounding import error_bars
 from spacearm.singularities.sets import nearest_on_way
@@ -52,6 +53,7 @@ LED = 0.2
 TONES: Mapping[Kind, Tone] = {"regular": "good", "kinematic": "caution", "dynamic": "bad"}
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class SingularityReport(Result):
     """Singular values of the task Jacobian and the directions that a configuration loses.
@@ -208,7 +210,6 @@ class SingularityReport(Result):
         }  # fmt: skip
         if self.nearest is not None:
             columns["nearest singular"] = joint_measures(self.nearest, slides)
-        columns["away, per rad of distance"] = joint_measures(self.away, slides)
         slope = Column("dsigma_min/dq", f"{cfg.arm.sigma_unit} per {joint}", ".4g")
         columns[slope] = list(without_noise(self.gradient))
         if outside := cfg.outside_limits:
@@ -252,7 +253,7 @@ class SingularityReport(Result):
         return Table(columns, rows, f"Directions, {axes} axes")
 
 
-@of_configuration
+@checked
 def singularity(
     cfg: Configuration,
     *,

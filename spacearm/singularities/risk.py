@@ -19,9 +19,10 @@ import numpy.typing as npt
 from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
-from spacearm.model.arguments import FLOATING, of_arm, require_possible
+from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import SpaceArm
 from spacearm.results import Column, Description, Measure, Result, Table
+from spacearm.signatures import checked
 
 NEAR = float(np.radians(5.0))
 """Default distance to the singular set up to which a configuration is near a singularity [rad]."""
@@ -29,6 +30,7 @@ BLOCK = 1_000_000
 """Number of configurations drawn at once."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class RiskProfile(Result):
     """The share of configurations near a singularity, over the distance of the tip from the CM.
@@ -81,7 +83,7 @@ class RiskProfile(Result):
         )
 
 
-@of_arm
+@checked
 def risk_profile(
     arm: SpaceArm,
     *,
@@ -165,6 +167,7 @@ def _edges(bins: object) -> Array:
     return edges
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class PoseRisk(Result):
     """Share of configurations near a singularity for sampled tip poses.
@@ -206,7 +209,7 @@ class PoseRisk(Result):
         )
 
 
-@of_arm
+@checked
 def pose_risk(
     arm: SpaceArm,
     *,

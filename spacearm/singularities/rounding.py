@@ -38,14 +38,16 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.mechanics.jacobian import generalized_jacobian, task_jacobian
-from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.results import Cell, Column, Description, Result, Table
+from spacearm.signatures import checked
 
 ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 """Relative error of a term for each joint, movable or fixed, that it is carried across."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class ErrorBars(Result):
     """Bounds of the rounding errors of J* and of the singular values.
@@ -80,7 +82,7 @@ class ErrorBars(Result):
         )
 
 
-@of_configuration
+@checked
 def error_bars(cfg: Configuration, *, mode: BaseMode = "free-floating") -> ErrorBars:
     """Compute error bars of `generalized_jacobian` and of the singular values in `singularity`.
 

@@ -16,11 +16,12 @@ import numpy as np
 
 from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import NoSolutionError, UnsupportedError
-from spacearm.model.arguments import BaseMode, impossible, of_arm, require_possible
+from spacearm.model.arguments import BaseMode, impossible, require_possible
 from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle
+from spacearm.signatures import checked
 from spacearm.singularities.abstract_set import SingularSet, prove_clear, prove_free
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.nearest import NearestSingular, lose_rank, nearest_singular
@@ -38,6 +39,7 @@ FRUITLESS, EACH = 100, 20
 """Starts after which a search ends, and how many more each one found is worth."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class FoundSet(SingularSet):
     """Singular configurations found by a search: of arms whose minors form no triangle.
@@ -83,7 +85,7 @@ class FoundSet(SingularSet):
         return self.arm.n - self.arm.task.k + 1
 
     def __repr__(self) -> str:
-        return f"FoundSet({self.arm.name}, {self.mode}: by search, may miss configurations)"
+        return f"FoundSet({self.arm.label}, {self.mode}: by search, may miss configurations)"
 
     def sample(self, m: int, rng: np.random.Generator | None = None) -> Array:
         """Search m singular configurations, (m, n), from uniform starts; no measure is promised.
@@ -109,7 +111,7 @@ class FoundSet(SingularSet):
         return np.array(found).reshape(m, self.arm.n)
 
 
-@of_arm
+@checked
 def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> SingularSet:
     """Return the set of all singular configurations of an arm.
 

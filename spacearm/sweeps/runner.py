@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from spacearm.arrays import whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import StoreError, SweepError
+from spacearm.signatures import checked
 from spacearm.sweeps.store import DONE, FAILED, Store, dataset
 from spacearm.sweeps.study import Chunk, Study
 from spacearm.sweeps.workers import Cluster, Outcome, Processes
@@ -88,6 +89,7 @@ class Status(NamedTuple):
     failed: dict[int, str]
 
 
+@checked
 def sweep(
     study: Study | str | os.PathLike[str],
     store: str | os.PathLike[str],

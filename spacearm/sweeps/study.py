@@ -24,6 +24,7 @@ from spacearm.errors import UNPRINTABLE, ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.loading import load
 from spacearm.model.task import Task
+from spacearm.signatures import checked
 from spacearm.sweeps import quantities
 from spacearm.sweeps.quantities import Box, Quantity, Shape, box_of, counts
 from spacearm.sweeps.toml import Table, parse, text_of
@@ -67,6 +68,7 @@ class Recipe(NamedTuple):
     models: str
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Study:
     """A design study: made by `Study.read` or `Study.parse`, run by `sweep`.

@@ -14,10 +14,11 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, whole
 from spacearm.description.bodies import Inertial
-from spacearm.errors import ConfigurationError, ModelError, listed, unknown
-from spacearm.model.arguments import FLOATING, of_arm
+from spacearm.errors import ConfigurationError, unknown
+from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import SpaceArm
 from spacearm.results import Described, Description, Table
+from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import immaterial_links
 
 KINDS = ("mass", "inertia", "com")
@@ -51,6 +52,7 @@ class Parameter(NamedTuple):
         return f"{self.kind} of {self.link}"
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class UncertainArm(Described):
     """An arm whose masses, inertias and centres of mass are known in intervals only.
@@ -156,7 +158,7 @@ class UncertainArm(Described):
         return Description(title=self.arm.name, verdict=parts, tables=[Table(columns, rows)])
 
 
-@of_arm
+@checked
 def uncertain(arm: SpaceArm, spread: Mapping[str, Spread]) -> UncertainArm:
     """Return an arm whose masses, inertias and centres of mass are known in intervals only.
 
@@ -179,14 +181,9 @@ def uncertain(arm: SpaceArm, spread: Mapping[str, Spread]) -> UncertainArm:
         >>> sa.uncertain(arm, {"link_2": {"mass": 0.1}})
         UncertainArm(planar2: mass of link_2 2.7 to 3.3)
     """
-    links = arm.whole.links
     found = []
     for link, kinds in spread.items():
-        part = links.get(link)
-        if part is None or part.mass == 0.0:
-            raise ModelError(
-                f"link {link!r} has no mass; name one of: {listed(arm.whole.massive())}"
-            )
+        part = arm.whole.with_a_mass(link)
         for kind, value in kinds.items():
             if kind not in KINDS:
                 raise ConfigurationError(f"{link}: {unknown('kind', kind, KINDS)}")

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress
+from spacearm.arrays import Array, Progress, within_100
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
 from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import Configuration, SpaceArm
@@ -21,6 +21,7 @@ from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Joints, Search
 from spacearm.planning.result import Plan
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, Tone
+from spacearm.signatures import checked
 from spacearm.singularities.abstract_set import Path, control_points
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.sets import nearest_on_way
@@ -39,6 +40,7 @@ CLEARANCES = (0.1, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 """Clearances that are asked of plans, one after the other, until one is robust [deg]."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class DistanceRange(Result):
     """How far singular postures are that were found of arms from the intervals.
@@ -73,8 +75,13 @@ class DistanceRange(Result):
     immaterial: tuple[str, ...]
 
     def percentile(self, share: float) -> float:
-        """Return the distance that so many per cent of the random arms do not exceed [rad]."""
-        return float(np.percentile(self.distances[: self.random], share))
+        """Return the distance that so many per cent of the random arms do not exceed [rad].
+
+        Raises:
+            ConfigurationError: The share is none from 0 to 100.
+        """
+        shares = within_100(share, "share")
+        return float(np.percentile(self.distances[: self.random], shares))
 
     def describe(self) -> Description:
         """Describe the range, and the values at which the distance is least."""
@@ -99,6 +106,7 @@ class DistanceRange(Result):
         )
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class RobustCertificate(Result):
     """Whether a path meets no singularity, for all values in the intervals.
@@ -144,6 +152,7 @@ class RobustCertificate(Result):
         )
 
 
+@checked
 def distance_range(
     uncertain: UncertainArm,
     q: npt.ArrayLike,
@@ -232,6 +241,7 @@ def _found(arm: SpaceArm, q: Array) -> float:
     return np.inf if near is None else near.distance
 
 
+@checked
 def is_free_for_all(
     uncertain: UncertainArm, path: Path, *, progress: Progress | None = None
 ) -> RobustCertificate:
@@ -279,6 +289,7 @@ def is_free_for_all(
     )
 
 
+@checked
 def robust_plan(
     uncertain: UncertainArm,
     start: Configuration,
@@ -352,6 +363,7 @@ def robust_plan(
     )
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class ShellBands(Result):
     """The path dependent workspace over all arms tried.
@@ -387,6 +399,7 @@ class ShellBands(Result):
         )
 
 
+@checked
 def shell_bands(
     uncertain: UncertainArm, *, samples: int = 50, seed: int = 0, progress: Progress | None = None
 ) -> ShellBands:

@@ -11,11 +11,13 @@ from spacearm.collisions.obstacles import ObstacleLike
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
+from spacearm.signatures import checked
 
 if TYPE_CHECKING:
     from spacearm.viewer.viewer import Viewer
 
 
+@checked
 def view(
     thing: Any,
     *,

@@ -369,7 +369,7 @@ class Viewer:
         return embedded(scene, picture, cfg.arm.name, invitation)
 
     def __repr__(self) -> str:
-        return f"Viewer({self.session.arm.name}, {self.url or 'not served'})"
+        return f"Viewer({self.session.arm.label}, {self.url or 'not served'})"
 
     # --- the panel (see server.Panel) -------------------------------------------------------
 

@@ -18,6 +18,7 @@ from spacearm.arrays import Progress, named
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
+from spacearm.signatures import checked
 from spacearm.singularities.risk import risk_profile
 from spacearm.workspaces.path_dependent import Workspace, workspace
 
@@ -64,6 +65,7 @@ class Mounted(NamedTuple):
         return named(self)
 
 
+@checked
 def vary(arm: SpaceArm, parameters: Mapping[str, float]) -> SpaceArm:
     """Return the arm with some design parameters changed.
 
@@ -112,6 +114,7 @@ def vary(arm: SpaceArm, parameters: Mapping[str, float]) -> SpaceArm:
     )
 
 
+@checked
 def shell_measures(arm: SpaceArm, **options: Any) -> dict[str, Any]:
     """Compute the sizes and shells of an arm's workspaces, the quantities kept of each design.
 
@@ -136,6 +139,7 @@ def shell_measures(arm: SpaceArm, **options: Any) -> dict[str, Any]:
     return {**sizes, "fraction": found.fraction, "pdw": found.pdw}
 
 
+@checked
 def workspaces(
     arm: SpaceArm,
     parameters: Mapping[str, npt.ArrayLike],
@@ -227,6 +231,7 @@ def workspaces(
     return xr.Dataset(data, coords, {"arm": arm.name, "base_mode": mode, "limits": int(limits)})
 
 
+@checked
 def optimise_mount(
     arm: SpaceArm,
     bounds: Mapping[str, tuple[float, float]],

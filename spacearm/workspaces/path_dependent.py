@@ -21,10 +21,11 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, plain, shape_of, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
-from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.newton import meeting
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
+from spacearm.signatures import checked
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomials import radius_squared, tips_from_centre
 from spacearm.singularities.risk import RiskProfile, risk_profile
@@ -50,6 +51,7 @@ BEST = 20
 """Number of them, nearest to that distance, from which Newton's method starts."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Region(Result):
     """Kind of a point of the workspace, with singular configurations that reach it.
@@ -183,6 +185,7 @@ SMALL = 1e-4
 Kind = Literal["certified", "found", "stopped"]
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Workspace(Result):
     """Distances R of the tip from the system CM: reachable, path dependent, path independent.
@@ -346,12 +349,12 @@ class Workspace(Result):
             return " ".join(f"[{low:.7g}, {high:.7g}]" for low, high in radii) or "none"
 
         return (
-            f"Workspace({self.arm.name}, {self.mode}, {self.kind}: reachable "
+            f"Workspace({self.arm.label}, {self.mode}, {self.kind}: reachable "
             f"{text(self.reachable)}, PDW {text(self.pdw)}, PIW {text(self.piw)} m)"
         )
 
 
-@of_arm
+@checked
 def workspace(
     arm: SpaceArm,
     *,

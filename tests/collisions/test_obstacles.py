@@ -292,7 +292,7 @@ def test_a_start_in_an_obstacle_and_other_refusals(arm, tmp_path):
         sa.plan(arm.at(Q0), GOAL, constraints=sa.Constraints(obstacles=[box]))
     with pytest.raises(sa.ConfigurationError, match="leave out collisions=False"):
         sa.plan(arm.at(Q0), GOAL, constraints=sa.Constraints(obstacles=[box], collisions=False))
-    with pytest.raises(sa.ConfigurationError, match="obstacles holds a float"):
+    with pytest.raises(sa.ConfigurationError, match=r"obstacles is \[1.0\]; give an obstacle"):
         sa.plan(arm.at(Q0), GOAL, constraints=sa.Constraints(obstacles=[1.0]))
     stranger = sa.Obstacle.box(1.0, may_touch=["link_9"])
     with pytest.raises(sa.ConfigurationError, match="unknown link of planar2 'link_9'"):
@@ -323,8 +323,11 @@ def test_a_start_in_an_obstacle_and_other_refusals(arm, tmp_path):
         (lambda: sa.Obstacle.sphere(1.0, name=""), "name is ''"),
         (lambda: sa.Obstacle.sphere(1.0, along=3), "cannot be played"),
         (lambda: sa.Obstacle.cylinder(1.0, np.inf), "length is inf"),
-        (lambda: sa.Obstacle.robot(sa.load("planar2")), "made of a SpaceArm"),
-        (lambda: sa.collision_check(3), "cannot be played"),
+        (
+            lambda: sa.Obstacle.robot(sa.load("planar2")),
+            "thing is a SpaceArm; give",
+        ),
+        (lambda: sa.collision_check(3), "thing is 3; give a configuration"),
     ],
 )
 def test_what_no_obstacle_is(make, message):

@@ -197,7 +197,7 @@ def test_meshes_of_a_robot_wrapper_are_files():
 
 def test_what_is_no_robot():
     for thing in (3.5, object(), pin.SE3.Identity()):
-        with pytest.raises(sa.ModelError, match="is no robot; give the path"):
+        with pytest.raises(sa.ConfigurationError, match=r"source is .*; give a text or a path"):
             sa.load(thing)
     with pytest.raises(sa.ModelError, match="has no joint that can move"):
         sa.load(pin.Model())

@@ -111,7 +111,7 @@ def test_packages_elsewhere(way, repository, tmp_path, monkeypatch):
 def test_packages_that_are_no_folder():
     with pytest.raises(sa.ConfigurationError, match="packages: nowhere is no folder"):
         sa.load("planar2", packages=["nowhere"])
-    with pytest.raises(sa.ConfigurationError, match="packages is 3; give folders"):
+    with pytest.raises(sa.ConfigurationError, match="packages is 3; give a text or a path"):
         sa.load("planar2", packages=3)
 
 
@@ -160,7 +160,7 @@ def test_arguments(tmp_path):
         sa.ModelError, match=r"unknown xacro argument 'mas'; valid, nearest.*: mass"
     ):
         sa.load(path, xacro_args={"mas": 70})
-    with pytest.raises(sa.ConfigurationError, match=r"xacro_args is 3; give \{name"):
+    with pytest.raises(sa.ConfigurationError, match=r"xacro_args is 3; give a mapping \{name"):
         sa.load(path, xacro_args=3)
 
 

@@ -152,5 +152,5 @@ def test_a_missing_extra_is_named(way, tmp_path, monkeypatch, suffix, module, ex
 def test_other_suffixes_and_things_are_refused(way, tmp_path):
     with pytest.raises(sa.ConfigurationError, match=r"\.xls"):
         sa.write_motion(way, tmp_path / "way.xls")
-    with pytest.raises(sa.UnsupportedError, match="no motion"):
+    with pytest.raises(sa.ConfigurationError, match="motion is a SpaceArm; give a motion"):
         sa.write_motion(way.arm, tmp_path / "way.csv")

@@ -156,9 +156,9 @@ def test_what_is_refused():
     for changed, said in (
         ({"dQ": np.zeros((3, 3))}, "dQ has shape"),
         ({"tau": np.zeros((2, 2))}, "tau has 2 rows and Q 3"),
-        ({"Q": ["a"]}, "Q has"),
+        ({"Q": ["a"]}, r"Q is \['a'\]; give numbers"),
         ({"momentum": np.zeros(3)}, "momentum has shape"),
-        ({"momentum": "h"}, "momentum holds no numbers"),
+        ({"momentum": "h"}, "momentum is 'h'; give numbers"),
         ({"wheels": [1.0]}, r"wheels has shape \(1,\), not \(0,\)"),
         ({"wrenches": {"arm": np.zeros(6)}}, "unknown link 'arm'"),
         ({"wrenches": {"tip": np.zeros(5)}}, "the wrench on 'tip' has shape"),

@@ -144,5 +144,5 @@ def test_bad_input():
         sa.momentum_budget(arm.at(q))
     with pytest.raises(sa.ConfigurationError, match="horizon is 0"):
         sa.momentum_budget(arm.at(q, momentum=H), horizon=0)
-    with pytest.raises(sa.UnsupportedError, match="task of 3 rows"):
+    with pytest.raises(sa.UnsupportedError, match="2 of the 3 rows"):
         sa.momentum_budget(arm.replace(task="x y rz").at(q, momentum=H))

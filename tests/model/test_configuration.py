@@ -31,8 +31,8 @@ def test_cm_and_tip_are_those_of_the_bodies(cfg):
         ([[1.0, 2.0]], r"q has shape \(1, 2\)"),
         ([1.0, np.nan], "q of joint 'joint_2' is nan; give a finite number"),
         ([np.inf, 0.0], "q of joint 'joint_1' is inf"),
-        (["a", "b"], "q must be 2 numbers"),
-        ([1.0, [2.0]], "q must be 2 numbers"),
+        (["a", "b"], r"q is \['a', 'b'\]; give numbers"),
+        ([1.0, [2.0]], "q is .*; give numbers, in rows of one length"),
         (None, "q"),
     ],
 )

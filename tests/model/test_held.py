@@ -156,10 +156,10 @@ def test_holding_is_locking(seed):
 @pytest.mark.parametrize(
     ("joints", "message"),
     [
-        ("some", r'joints is \'some\'; give "tip", "all" or a list of names'),
+        ("some", "joints is 'some'; give 'tip' or 'all' or a list"),
         (3, "joints is 3"),
         (["panle"], "joints: unknown movable joint 'panle'; valid, nearest first: panel"),
-        ([1], "joints: unknown movable joint '1'"),
+        ([1], r"joints is \[1\]; give 'tip' or 'all' or a list, each entry a text"),
         (["wing"], "joints: unknown movable joint 'wing'"),
     ],
 )

@@ -103,7 +103,7 @@ def test_what_makes_no_sense_is_refused():
         sa.simulate_phases(ARM.at(Q0), [])
     with pytest.raises(sa.ConfigurationError, match="phase 0 releases"):
         sa.simulate_phases(ARM.at(Q0), [sa.Phase(LAW, 1.0, sa.Release())])
-    with pytest.raises(TypeError, match="dq"):
+    with pytest.raises(sa.ConfigurationError, match=r"argument of sa\.Phase 'dq'"):
         sa.Phase(LAW, 1.0, dq=[0.0, 0.0])
 
 

@@ -131,7 +131,7 @@ def test_the_files_hold_the_ranges(tmp_path):
     ("options", "message"),
     [
         ({"within": ([0, 0], [1, 1])}, "outside the range allowed"),
-        ({"within": [0, 1, 2]}, "give .lower, upper."),
+        ({"within": [0, 1, 2]}, "within is .*; give 2 values"),
         ({"clearance": -1.0}, "clearance is -1.0"),
         ({"at_least": 0.0}, "at_least is 0.0"),
         ({"joints": ["elbow"]}, "elbow"),

@@ -20,7 +20,7 @@ from lxml import etree
 from spacearm.arrays import LARGEST, MOST_LINKS, Array, positive
 from spacearm.description.readers.packages import Packages
 from spacearm.description.shapes import Shape, Unusable, Visuals
-from spacearm.errors import ConfigurationError, ModelError, listed, unknown, warn
+from spacearm.errors import ConfigurationError, ModelError, listed, warn
 from spacearm.files import read
 
 ARITHMETIC = re.compile(r"[\d.e+*/() pi-]{1,200}", re.ASCII)
@@ -70,7 +70,6 @@ def _value(node: ast.expr) -> float:
 
 
 Check = Literal["error", "warn", "accept"]
-CHECKS = ("error", "warn", "accept")
 Folders: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
 
@@ -113,28 +112,19 @@ class Reading:
         """Make it of a caller's arguments, checked; see `loading.load`.
 
         Raises:
-            ModelError: check is none of its words.
-            ConfigurationError: Another argument is not of its kind.
+            ConfigurationError: There is no such folder, or the density is not positive.
         """
-        if check not in (None, *CHECKS):
-            raise ModelError(unknown("check", check, CHECKS))
         folders = [packages] if isinstance(packages, (str, os.PathLike)) else packages
-        try:
-            paths = tuple(Path(folder) for folder in folders)
-        except TypeError:
-            raise ConfigurationError(f"packages is {packages!r}; give folders") from None
+        paths = tuple(Path(folder) for folder in folders)
         for path in paths:
             if not path.is_dir():
                 raise ConfigurationError(f"packages: {path} is no folder; name one that exists")
-        given = {} if xacro_args is None else xacro_args
-        if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
-            raise ConfigurationError(f"xacro_args is {xacro_args!r}; give {{name: value}}")
         return cls(
             check=check or "error",
             packages=paths,
             xacro_args={  # as xacro writes them
                 name: str(value).lower() if isinstance(value, bool) else str(value)
-                for name, value in given.items()
+                for name, value in (xacro_args or {}).items()
             },
             density=None if density is None else positive(density, "density", "density [kg/m^3]"),
         )

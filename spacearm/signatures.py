@@ -1,0 +1,375 @@
+"""Arguments of public functions, methods and constructors, checked against their annotations.
+
+One check for all kinds: what is of another kind, missing or unknown is named with what to give
+instead. Shapes and values are checked where they are used, by `arrays` and `model.joints`.
+"""
+
+from __future__ import annotations
+
+import inspect
+import os
+import re
+import sys
+import types
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from functools import cache, wraps
+from itertools import islice
+from numbers import Integral, Real
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from spacearm.errors import ConfigurationError, shortened, unknown
+
+F = TypeVar("F", bound=Callable[..., Any])
+Hint = Any
+"""An annotation; the types of typing have no common one."""
+
+GIVE = {
+    "SpaceArm": "an arm: arm = sa.load(...)",
+    "Configuration": "a configuration: arm.at(q)",
+    "Motion": "a motion, as sa.plan, sa.follow and sa.simulate return",
+    "Playable": "a motion, as sa.plan, sa.follow and sa.simulate return",
+    "UncertainArm": "an uncertain arm: sa.uncertain(arm, {...})",
+    "Study": "a study: sa.Study.read(path)",
+    "SE3": "a pose: sa.pose(xyz, rpy)",
+    "Obstacle": "an obstacle, such as sa.Obstacle.box(...)",
+    "Generator": "a generator: np.random.default_rng(seed)",
+    "Any": "...",
+    "object": "...",
+    "PathLike": "a path",
+    "Path": "a pathlib.Path",
+    "NoneType": "None",
+    "bool": "True or False",
+    "int": "a whole number",
+    "float": "a number",
+    "str": "a text",
+}
+"""What to give where an object of a class is wanted."""
+PARTS = ("arm", "configuration", "q")
+"""Attributes of an object that may be what is wanted instead of it."""
+MOST_SHOWN = 60
+"""Characters of a value in a message."""
+MOST_TOLD = 160
+"""Characters of a docstring in a message."""
+MOST_TRIED = 1000
+"""Entries of a sequence or mapping that are looked at."""
+SHORT = (Real, complex, list, tuple, dict, set, np.ndarray, os.PathLike, types.NoneType)
+"""Kinds that are written as they are, where they are short."""
+FRONT_ENDS = ("spacearm.cli", "spacearm.viewer", "spacearm.sweeps")
+"""What hands on what its users gave."""
+
+
+class _Anything(type):
+    """The type of `Unseen`, whose parts and forms are itself."""
+
+    def __getattr__(cls, name: str) -> Any:
+        if name[0] == "_":
+            raise AttributeError(name)
+        return cls
+
+    def __getitem__(cls, _: object) -> Any:
+        return cls
+
+
+class Unseen(metaclass=_Anything):
+    """Stands in annotations for what is imported for type checkers only: anything fits."""
+
+
+class Numbers:
+    """Stands in annotations for all that NumPy makes numbers of: the union `npt.ArrayLike`."""
+
+
+def checked(thing: F) -> F:
+    """Have a public function or class name the arguments that are of a wrong kind or unknown.
+
+    Of a class: its constructor and its public methods, where callers outside this package give
+    them something.
+
+    Raises:
+        ConfigurationError: There are such arguments, or one is missing.
+    """
+    if not isinstance(thing, type):
+        return _function(thing)
+    for name, member in list(vars(thing).items()):
+        if isinstance(member, classmethod) and name[0] != "_":
+            setattr(thing, name, classmethod(_method(member.__func__, member.__func__)))
+        elif inspect.isfunction(member) and (name == "__init__" or name[0] != "_"):
+            setattr(thing, name, _method(member, thing if name == "__init__" else member))
+    return thing
+
+
+def _function(function: Callable[..., Any]) -> Any:
+    """Return a function that checks what it is given."""
+
+    @wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        if args and function.__name__ in (own := getattr(args[0], "equations", {})):
+            return own[function.__name__](*args[1:], **kwargs)  # of a configuration of symbols
+        check(function, args, kwargs)
+        return function(*args, **kwargs)
+
+    return call
+
+
+def _method(method: Callable[..., Any], thing: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a method that checks what callers outside this package give it."""
+
+    @wraps(method)
+    def call(self: Any, *args: Any, **kwargs: Any) -> Any:
+        caller = sys._getframe(1).f_globals.get("__name__", "")
+        if not caller.startswith("spacearm.") or caller.startswith(FRONT_ENDS):
+            check(thing, args if isinstance(thing, type) else (self, *args), kwargs)
+        return method(self, *args, **kwargs)
+
+    return call
+
+
+def check(thing: Callable[..., object], args: Sequence[object], kwargs: Mapping[str, Any]) -> None:
+    """Check what is given to a function or a class.
+
+    Args:
+        thing: The function, the method or the class.
+        args: Its arguments, of a method the object first.
+        kwargs: Its arguments by name.
+
+    Raises:
+        ConfigurationError: One is of a wrong kind, missing or unknown; says what to give.
+    """
+    name, parameters, hints = _parameters(thing)
+    ordered = [p for p in parameters.values() if p.kind is not p.KEYWORD_ONLY]
+    for parameter, value in zip(ordered, args, strict=False):
+        if parameter.kind is parameter.VAR_POSITIONAL:
+            break
+        _require(thing, name, parameter.name, value, hints)
+    for key, value in kwargs.items():
+        if key in parameters and parameters[key].kind is not inspect.Parameter.VAR_KEYWORD:
+            _require(thing, name, key, value, hints)
+        elif not any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+            raise ConfigurationError(_no_such(name, key, parameters, hints))
+    if len(args) > len(ordered) and not any(p.kind is p.VAR_POSITIONAL for p in ordered):
+        others = [p.name for p in parameters.values() if p.kind is p.KEYWORD_ONLY]
+        rest = f"; give by name: {', '.join(others)}" if others else ""
+        raise ConfigurationError(
+            f"{name} was given {shown(args[len(ordered)])} after all that it takes in order: "
+            f"{', '.join(p.name for p in ordered) or 'nothing'}{rest}"
+        )
+    given = {p.name for p in ordered[: len(args)]} | set(kwargs)
+    for parameter in parameters.values():
+        optional = parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL)
+        if parameter.default is parameter.empty and not optional and parameter.name not in given:
+            what = _words(hints[parameter.name]) if parameter.name in hints else "it"
+            raise ConfigurationError(
+                f"{name} needs {parameter.name}; give {what}{_told(thing, parameter.name)}"
+            )
+
+
+@cache
+def _parameters(
+    thing: Callable[..., object],
+) -> tuple[str, Mapping[str, inspect.Parameter], Mapping[str, Hint]]:
+    """Return the name of a function or a class for messages, its parameters and annotations."""
+    made: object = thing
+    if isinstance(thing, type) and not is_dataclass(thing):
+        made = next(vars(kind)["__init__"] for kind in thing.__mro__ if "__init__" in vars(kind))
+    hints = _hints(made)
+    home = thing.__module__.rpartition(".")[2]
+    within = f"{home}." if home in sys.modules["spacearm"].__all__ else ""  # as sa.design
+    return (
+        f"sa.{within}{thing.__qualname__.rpartition('<locals>.')[2]}",
+        dict(inspect.signature(thing).parameters),
+        {key: _taken(hint) if isinstance(thing, type) else hint for key, hint in hints.items()},
+    )
+
+
+def _taken(hint: Hint) -> Hint:
+    """Return what a constructor takes for a field: of arrays all that makes one."""
+    origin: Any = get_origin(hint)
+    return Numbers if origin is np.ndarray else hint
+
+
+def _hints(thing: object) -> dict[str, Hint]:
+    """Return the annotations; names that exist for type checkers only stand for anything."""
+    unseen: dict[str, Any] = {}
+    while True:
+        try:
+            return get_type_hints(thing, localns=unseen)
+        except NameError as error:
+            unseen[str(error.name)] = Unseen
+
+
+def _require(
+    thing: Callable[..., object], of: str, name: str, value: object, hints: Mapping[str, Hint]
+) -> None:
+    """Raise the error for a value that does not fit its annotation."""
+    if name not in hints or fits(value, hints[name]):
+        return
+    hint = hints[name]
+    members = set(_members(hint)) - {types.NoneType}
+    if isinstance(value, str) and all(get_origin(member) is Literal for member in members):
+        options = [option for member in members for option in get_args(member)]
+        raise ConfigurationError(unknown(name, value, options))
+    instead = _words(hint)
+    for part in PARTS:
+        if hasattr(value, part) and fits(getattr(value, part), hint):
+            instead = f"its .{part}"
+    raise ConfigurationError(f"{of}: {name} is {shown(value)}; give {instead}{_told(thing, name)}")
+
+
+def fits(value: object, hint: Hint) -> bool:
+    """Tell whether a value is of the kind that an annotation says."""
+    if isinstance(hint, TypeVar):
+        hint = hint.__bound__ or object
+    members = _members(hint)
+    if len(members) > 1:
+        return any(fits(value, member) for member in members)
+    (hint,) = members
+    origin: Any = get_origin(hint) or hint
+    inner = get_args(hint)
+    if origin is Literal:
+        return isinstance(value, str) and value in inner
+    if origin is Numbers:
+        return are_numbers(value)
+    if origin is np.ndarray:
+        return isinstance(value, np.ndarray) and value.dtype.kind in "biufc"
+    if origin in (int, float):
+        kind = Integral if origin is int else Real
+        whole = isinstance(value, kind) and not isinstance(value, bool)
+        return whole or (getattr(value, "ndim", 1) == 0 and are_numbers(value))
+    if origin is bool:
+        return isinstance(value, bool | np.bool_)
+    if origin is Callable:
+        return callable(value) and not isinstance(value, type) and _takes(value, inner)
+    if getattr(origin, "_is_protocol", False):
+        return all(hasattr(value, name) for name in vars(origin) if name[0] != "_")
+    if not isinstance(origin, type) or origin in (Any, object, Unseen):
+        return True
+    if origin is tuple and isinstance(value, list | np.ndarray):
+        value = tuple(value)
+    many = issubclass(origin, Iterable) and origin is not str
+    if not isinstance(value, origin) or (many and isinstance(value, str)):
+        return False
+    return not many or not inner or _entries_fit(value, origin, inner)
+
+
+def _takes(function: Callable[..., object], inner: tuple[Hint, ...]) -> bool:
+    """Tell whether a function can be called with as many arguments as stand in []."""
+    if not inner or not isinstance(inner[0], list):
+        return True
+    try:
+        inspect.signature(function).bind(*inner[0])
+    except TypeError:
+        return False
+    except ValueError:  # of some that are built in there is none
+        return True
+    return True
+
+
+def _entries_fit(value: Any, origin: type, inner: tuple[Hint, ...]) -> bool:
+    """Tell whether the entries of a sequence or a mapping are of the kinds that stand in []."""
+    if issubclass(origin, Mapping):
+        pairs = islice(value.items(), MOST_TRIED)
+        return all(fits(k, inner[0]) and fits(v, inner[1]) for k, v in pairs)
+    if origin is tuple and inner[-1] is not ...:
+        return len(value) == len(inner) and all(map(fits, value, inner))
+    return not isinstance(value, Collection) or all(
+        fits(entry, inner[0]) for entry in islice(value, MOST_TRIED)
+    )
+
+
+def are_numbers(value: object) -> bool:
+    """Tell whether a value may be numbers; whether it is, and their shape, is checked in use."""
+    if isinstance(value, Real | str | Sequence | np.ndarray):
+        return not hasattr(value, "arm")
+    return any(hasattr(value, name) for name in ("__array__", "__buffer__"))
+
+
+def _members(hint: Hint) -> tuple[Hint, ...]:
+    """Return the members of a union, `npt.ArrayLike` as one; of what is no union, itself."""
+    origin: Any = get_origin(hint)
+    if origin not in (Union, types.UnionType):
+        return (types.NoneType if hint is None else hint,)
+    members = get_args(hint)
+    others = [m for m in members if not _of_numpy(m)]
+    if len(others) == len(members):
+        return members
+    return Numbers, *(m for m in others if m not in (bool, int, float, complex, str, bytes))
+
+
+def _of_numpy(hint: Hint) -> bool:
+    """Tell whether an annotation is a member of `npt.ArrayLike` that is NumPy's own."""
+    return str(getattr(get_origin(hint) or hint, "__module__", "")).startswith("numpy._typing")
+
+
+def _words(hint: Hint) -> str:
+    """Say what to give for an annotation."""
+    if isinstance(hint, TypeVar):
+        hint = hint.__bound__ or object
+    members = [m for m in _members(hint) if m is not types.NoneType]
+    if len(members) > 1:
+        words: list[str] = []
+        for member in members:
+            said = _words(member)
+            again = said == f"a list, each entry {' or '.join(words)}"
+            words.append("a list of such" if again else said)
+        return " or ".join(dict.fromkeys(words))
+    (hint,) = members or [types.NoneType]
+    origin: Any = get_origin(hint) or hint
+    inner = get_args(hint)
+    name = getattr(origin, "__name__", "object")
+    if origin is Literal:
+        return " or ".join(map(repr, inner))
+    if origin is Numbers:
+        return "numbers"
+    if origin is np.ndarray:
+        return "an array of numbers: np.array([...])"
+    if name in GIVE:
+        return GIVE[name]
+    if name == "Callable":
+        count = len(inner[0]) if inner and isinstance(inner[0], list) else 0
+        return f"a function of {count} argument{'s' * (count > 1)}" if count else "a function"
+    if isinstance(origin, type) and issubclass(origin, Mapping) and inner:
+        return f"a mapping {{name: {_words(inner[1])}}}"
+    if origin is tuple and inner and inner[-1] is not ...:
+        return f"{len(inner)} values: {', '.join(map(_words, inner))}"
+    if isinstance(origin, type) and issubclass(origin, Iterable) and inner:
+        return f"a list, each entry {_words(inner[0])}"
+    library = str(getattr(origin, "__module__", "")).partition(".")[0]
+    return f"sa.{name}(...)" if library == "spacearm" else f"a {library}.{name}"
+
+
+def _no_such(
+    of: str, key: str, parameters: Mapping[str, inspect.Parameter], hints: Mapping[str, Hint]
+) -> str:
+    """Compose the message for an argument that does not exist, with where there is such a one."""
+    for name in parameters:
+        for member in _members(hints.get(name, object)):
+            if is_dataclass(member) and key in {field.name for field in fields(member)}:
+                kind = getattr(member, "__name__", "")
+                return f"{of} takes no {key}; give {name}=sa.{kind}({key}=...)"
+    return unknown(f"argument of {of}", key, [name for name in parameters if name != "self"])
+
+
+def _told(thing: Callable[..., object], name: str) -> str:
+    """Return what the docstring says of an argument, its first sentence in brackets."""
+    entry = rf"^ +{name}: (.+?)(?=\n *\n|\n +\w+: |\Z)"
+    found = re.search(entry, inspect.getdoc(thing) or "", re.MULTILINE | re.DOTALL)
+    if not found:
+        return ""
+    sentence = re.split(r"(?<=\S)[.;:] ", " ".join(found[1].split()) + " ")[0]
+    return f" ({name}: {shortened(sentence.strip(' .'), MOST_TOLD)})"
+
+
+def shown(value: object, most: int = MOST_SHOWN) -> str:
+    """Write a value for a message: as it is in so many characters, else its kind."""
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    if isinstance(value, str):
+        return shortened(repr(value), most)
+    if isinstance(value, SHORT) and len(written := repr(value)) <= most:
+        return written
+    if inspect.isroutine(value):
+        return "a function"
+    kind = type(value).__name__
+    return f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"
