@@ -117,24 +117,19 @@ class Collisions:
         """Return distances (own pairs,) of the arm's bodies, negative where they overlap [m]."""
         return self._distances(self.arm.all_joints(q), None, 0.0, np.arange(self._own))
 
-    def gap(self, q: Array, pair: int | None = None) -> tuple[float, int]:
-        """Return how far bodies of the arm are from contact at joint positions (n,) [m].
+    def gaps(self, q: Array, pairs: npt.NDArray[np.int64] | None = None) -> Array:
+        """Return how far bodies of the arm are from contact (pairs,) [m], negative in contact.
 
         Args:
-            q: The joint positions.
-            pair: The number of two bodies; the two that are nearest to contact if None.
-
-        Returns:
-            The distance, negative in contact, and the number of the pair.
+            q: (n,) joint positions.
+            pairs: The numbers of the pairs; all of the arm's bodies if None.
         """
-        pairs = np.arange(self._own) if pair is None else np.array([pair])
-        short = self._distances(self.arm.all_joints(q), None, 0.0, pairs) - self._near[pairs]
-        least = int(short.argmin())
-        return float(short[least]), int(pairs[least])
+        pairs = np.arange(self._own) if pairs is None else pairs
+        return self._distances(self.arm.all_joints(q), None, 0.0, pairs) - self._near[pairs]
 
     def touch(self, q: Array) -> bool:
         """Tell whether bodies of the arm meet each other at joint positions (n,)."""
-        return bool((self.distances(q) < self._near[: self._own]).any())
+        return bool((self.gaps(q) < 0.0).any())
 
     def touching(self, q: Array) -> list[tuple[str, str]]:
         """Return the names of the bodies of the arm that meet each other at positions (n,)."""
@@ -169,11 +164,11 @@ class Collisions:
         Args:
             joints: (nv - 6,) positions of the model's joints.
             base: (7,) pose of the spacecraft; any if None.
-            t: Time [s].
+            t: Time [s]; NaN where no pair has an obstacle.
             pairs: Numbers of the pairs.
         """
         placed: dict[int, pin.SE3] = {}
-        if base is not None:
+        if base is not None and not np.isnan(t):  # without a time only bodies of the arm are met
             poses = (pose for obstacle in self.obstacles for pose in obstacle.poses(t))
             placed = dict(enumerate(poses, len(self.bodies)))
         return self._geometry.distances(joints, pairs, base, placed)
@@ -237,9 +232,7 @@ class Collisions:
 
         Those of the arm: (pairs, m) [m]. The obstacles' own motion is not in it.
         """
-        path = motion.path
-        steps = np.abs(np.diff(path, axis=0))
-        way = self.gains(path) @ steps.T
+        way = self.gains(motion.hull) @ motion.steps.T
         if len(self._pairs) > self._own:
             body = motion.swept(self.bodies)
             way = np.vstack((way, [body[a] for a, _ in self._pairs[self._own :]]))
@@ -252,7 +245,7 @@ class Collisions:
         its lever longer, by no more than their largest displacement on the path.
 
         Args:
-            path: (m, n) joint positions of straight segments.
+            path: (m, n) joint positions whose convex hull holds the motion.
 
         Returns:
             (own pairs, n) the bounds.

@@ -57,6 +57,16 @@ class SweptMotion(ABC):
         return np.concatenate((base, self.arm.all_joints(self.joints(u))))
 
     @property
+    def hull(self) -> Array:
+        """(p, n) joint positions whose convex hull holds the motion."""
+        return self.path
+
+    @property
+    def steps(self) -> Array:
+        """(m - 1, n) how fast joints move at most between rows, for a unit of u."""
+        return np.abs(np.diff(self.path, axis=0))
+
+    @property
     def out(self) -> Array:
         """(N,) largest displacements of the model's joints [rad] or [m]."""
         return np.abs([self.arm.all_joints(q) for q in self.path]).max(axis=0)
@@ -83,6 +93,38 @@ class InJointSpace(SweptMotion):
     def swept(self, bodies: Sequence[Body]) -> Array:
         """Return zeros."""
         return np.zeros((len(bodies), len(self) - 1))
+
+
+class Curved(InJointSpace):
+    """A joint motion along polynomials, alone.
+
+    Args:
+        arm: The arm.
+        points: (m, d + 1, n) control points of the polynomials, in the order of the motion.
+    """
+
+    def __init__(self, arm: SpaceArm, points: Array) -> None:
+        super().__init__(arm, np.vstack((points[:, 0], points[-1:, -1])))
+        self.points = points
+
+    def joints(self, u: float) -> Array:
+        """Return the joint positions (n,), by de Casteljau's algorithm."""
+        i = min(int(u), len(self.points) - 1)
+        b = self.points[i]
+        while len(b) > 1:
+            b = b[:-1] + (u - i) * np.diff(b, axis=0)
+        return np.asarray(b[0])
+
+    @property
+    def hull(self) -> Array:
+        """All control points."""
+        return self.points.reshape(-1, self.arm.n)
+
+    @property
+    def steps(self) -> Array:
+        """Bounds by the control points of the derivatives."""
+        degree = self.points.shape[1] - 1
+        return degree * np.abs(np.diff(self.points, axis=1)).max(axis=1, initial=0.0)
 
 
 class Floating(SweptMotion):

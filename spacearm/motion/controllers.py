@@ -52,6 +52,11 @@ MovingGoal: TypeAlias = Goal | Callable[[float], Goal]
 class Law(Parameters, ABC):
     """Base of all controllers here: torques from time, configuration and joint rates."""
 
+    @property
+    def moving(self) -> bool:
+        """Whether the target moves."""
+        return callable(getattr(self, "target", None))
+
     @abstractmethod
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
         """Return the torques (n,) [N m] or forces [N]."""
@@ -380,6 +385,11 @@ class Tracking(Law):
         momentum = getattr(self.motion, "momentum", np.zeros((1, 6)))[0]
         cfg, mode = cfg.with_momentum(momentum), self.motion.mode
         return inverse_dynamics(cfg, dq, ddq, mode=mode, wrenches=wrenches).tau
+
+    @property
+    def moving(self) -> bool:
+        """True: the target is where the motion is at the time."""
+        return True
 
     def error(self, t: float, cfg: Configuration) -> Array:
         """Return q_d - q (n,) [rad] or [m]."""

@@ -121,6 +121,7 @@ class Crossings:
         self.distance = np.array([event.root is None for event in wanted], dtype=bool)
         self.plain, self.near = (np.flatnonzero(self.distance == near) for near in (False, True))
         self.falling = np.array([one.falling for one in wanted if one.root is not None], dtype=bool)
+        self.moving = np.array([one.moving for one in wanted], dtype=np.bool_)
         self.radian = joint_scales(batch.arms[0])
         between = (NEAR / DOUBTFUL, DOUBTFUL * NEAR) if exact else (np.inf, 0.0)
         self.numbers: dict[str, Array | float] = {
@@ -140,7 +141,7 @@ class Crossings:
         if len(self.near):
             self.clear = self.away(steps.run, batch.y[:, : batch.n])
             true[:, self.near] = self.clear[:, None] < 0.0
-        run, which = np.nonzero(true)
+        run, which = np.nonzero(true & ~self.moving)
         return Found(run, which, batch.t[run], batch.y[run])
 
     def within(self, steps: Steps) -> Found:

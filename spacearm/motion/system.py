@@ -211,6 +211,7 @@ class WantedEvent(NamedTuple):
         kind: The kind of event, as `motion.events.Event` has it.
         detail: What to say about it.
         stops: Whether it ends the run.
+        moving: Whether it is that of a target that moves: to be there from the start is none.
     """
 
     root: Event | None
@@ -219,6 +220,7 @@ class WantedEvent(NamedTuple):
     kind: str = ""
     detail: str = ""
     stops: bool = False
+    moving: bool = False
 
     @property
     def falling(self) -> bool:
@@ -385,9 +387,14 @@ def wanted_events(
     arm = system.arm
 
     def add(
-        kind: str, detail: str, root: Event | None, bound: float = 0.0, value: Any = None
+        kind: str,
+        detail: str,
+        root: Event | None,
+        bound: float = 0.0,
+        value: Any = None,
+        moving: bool = False,
     ) -> None:
-        found.append(WantedEvent(root, bound, value, kind, detail, kind in stop))
+        found.append(WantedEvent(root, bound, value, kind, detail, kind in stop, moving))
 
     if "singularity" in kinds and has_determinant(arm, system.mode):
         add("singularity", "S = 0", Event("determinant"))
@@ -400,15 +407,17 @@ def wanted_events(
                     add("joint limit", name, Event(which, j), float(limit))
     if "target" in kinds:
         for i, (tip, law) in enumerate(system.controllers.items()):
-            detail = f"error {reach:g}" + (f", {arm.tips[tip]}" if tip >= 0 else "")
+            moving = bool(getattr(law, "moving", False))
+            detail = f"error {reach:g}" + " to the moving target" * moving
+            detail += f", {arm.tips[tip]}" if tip >= 0 else ""
             if type(law) in KINDS:
-                add("target", detail, Event("target", i), reach)
+                add("target", detail, Event("target", i), reach, None, moving)
             elif (error := getattr(law, "error", None)) is not None:
 
                 def miss(t: float, cfg: Configuration, error: Any = error) -> float:
                     return float(np.linalg.norm(error(t, cfg)))
 
-                add("target", detail, Event("own", i), reach, miss)
+                add("target", detail, Event("own", i), reach, miss, moving)
     if "wheel full" in kinds and system.hold is not None:
         for i, wheel in enumerate(arm.wheels):
             add("wheel full", wheel.name, Event("wheel", i), system.hold.capacity)

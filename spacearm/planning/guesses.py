@@ -47,6 +47,8 @@ SAMPLE = 20
 """Loops that are tried at a place, to compare places."""
 CLOSE = 1e-4
 """Largest distance of the tip from its goal [m], [rad]."""
+LOOKED_AT = 8
+"""One in so many of these points is looked at for contacts."""
 INTERVALS, ALONG = 16, np.linspace(0.0, 1.0, 65)
 """Steps of the integration along a curve; shares of it at which the distance is evaluated."""
 TOGETHER = 300
@@ -175,11 +177,15 @@ class GuessFinder:
     def loop_places(self, m: int) -> Array:
         """Return joint positions (<= m, n) about which loops turn the spacecraft far.
 
-        The straight way there is free.
+        The straight way there is free, of contacts as far as it is looked at.
         """
-        Q = self.free.draw(MANY, self.rng)
-        way = self.start.q + ALONG[:, None] * (Q - self.start.q)[:, None]
-        Q = Q[self.free.least_distance(way) > self.target.clearance]
+        reach = self.rng.uniform(0.1, 1.0, (MANY, 1))
+        step = reach * (self.free.draw(MANY, self.rng) - self.start.q)
+        ways = self.start.q + ALONG[:, None] * step[:, None]
+        ways = ways[self.free.least_distance(ways) > self.target.clearance][: 4 * MANY // SAMPLE]
+        if (bodies := self.collisions) is not None:
+            ways = ways[[not any(map(bodies.touch, way[::LOOKED_AT])) for way in ways]]
+        Q = ways[:, -1]
         Q = Q[np.argsort(-self.free.least_distance(Q[:, None]))[: MANY // SAMPLE]]
         if len(Q) == 0:
             return Q

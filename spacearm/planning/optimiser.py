@@ -28,6 +28,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
 from spacearm.arrays import Array
@@ -40,7 +41,7 @@ from spacearm.mechanics.floating import attitudes, chained, placed, turns_and_ef
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.motion.goal import goal_axes, twist_between
-from spacearm.planning.many_curves import turning_axes
+from spacearm.planning.many_curves import Indices, turning_axes
 
 INTERVALS = 16
 """Steps of the integration along a curve: enough for the optimiser, not for the end of a plan."""
@@ -62,9 +63,11 @@ NEARBY, TURNS_ROUND = 0.5, -0.8
 """Up to which distance [rad] the way out tells sides apart; cosine of the angle between two."""
 TOGETHER = 4
 """Samples of which the two bodies nearest to contact count."""
-ROOM, NUDGE = 0.02, 1e-5
-"""Distance kept between bodies, as they may come nearer between the samples [m]; joint motion by
-which distances are differentiated [rad] or [m]."""
+ROOM, NUDGE = 0.06, 1e-5
+"""Distance kept between bodies in the middle, as they may come nearer between the samples [m];
+joint motion by which distances are differentiated [rad] or [m]."""
+BESIDE = 0.3
+"""Bodies that stay farther apart on a guess do not count for the optimiser [m]."""
 SPACING = 0.02
 """Joint motion between the rows of a plan [rad] or [m]."""
 
@@ -127,7 +130,8 @@ class CurveOptimiser:
         shape: What curve and loop are made of.
         loops: How many times the loop is run through; 0 for none.
         check_time: Called at every evaluation; it may raise an error to end the search.
-        collisions: The bodies of the arm that must not meet; None if they do not count.
+        collisions: The bodies of the arm that must not meet, as far as they come near each other
+            where the search begins; None if they do not count.
     """
 
     def __init__(
@@ -141,8 +145,7 @@ class CurveOptimiser:
     ) -> None:
         self.start, self.target, self.shape, self.loops = start, target, shape, loops
         self._check_time = check_time
-        bodies = collisions is not None and len(collisions.distances(start.q)) > 0
-        self._collisions = collisions if bodies else None
+        self._collisions, self._pairs = collisions, np.arange(0)
         self.arm: SpaceArm = start.arm
         self.family = CurveFamily(self.arm, start.q, shape, shape.intervals)
         det = evaluate(self.arm, start.q[None], ("determinant",))["determinant"][0]
@@ -186,7 +189,7 @@ class CurveOptimiser:
             at = self.family.samples(p, Q)
             turns.append((at.turn, at.dphi))
             margins = [self._singularity_margins(Q, at), self._limit_margins(Q)]
-            if self._collisions is not None:
+            if self._collisions is not None and len(self._pairs):
                 margins.append(self._contact_margins(self._collisions, Q))
             for gap, slope in margins:
                 wide = np.zeros((len(gap), self.size))
@@ -263,20 +266,29 @@ class CurveOptimiser:
         Least distances less `ROOM`, one for every few samples; by differences.
         """
         every = np.arange(0, len(Q), 2)
-        parts = np.array_split(every, -(-len(every) // TOGETHER))
+        room = ROOM * np.sin(np.pi * self.family.s)  # the ends are as they are
         gaps, slopes = [], []
-        for part in parts:
-            near = [collisions.gap(q) for q in Q[part]]
-            worst = min(range(len(part)), key=lambda i: near[i][0])
-            (gap, pair), i = near[worst], part[worst]
-            moved = Q[i] + NUDGE * np.eye(self.arm.n)
-            away = [(collisions.gap(q, pair)[0] - gap) / NUDGE for q in moved]
-            gaps.append(gap - ROOM)
+        for part in np.array_split(every, -(-len(every) // TOGETHER)):
+            near = np.array([collisions.gaps(Q[i], self._pairs) - room[i] for i in part])
+            worst, number = np.unravel_index(near.argmin(), near.shape)
+            i, pair = part[worst], self._pairs[[number]]
+            moved = [collisions.gaps(q, pair)[0] for q in Q[i] + NUDGE * np.eye(self.arm.n)]
+            gaps.append(near[worst, number])
+            away = (np.array(moved) - room[i] - near[worst, number]) / NUDGE
             slopes.append(np.outer(self.family.basis[i], away).ravel())
         return np.array(gaps), np.array(slopes)
 
+    def _pairs_near(self, x: Array) -> Indices:
+        """Return the numbers of the pairs of bodies that come near each other on a motion."""
+        if self._collisions is None:
+            return np.arange(0)
+        Q = np.concatenate([self.family.points(p) for p in self.parts(x)])
+        least = np.min([self._collisions.gaps(q) for q in Q[::2]], axis=0)
+        return np.flatnonzero(least < BESIDE)
+
     def solve(self, x: Array, iterations: int = ITERATIONS) -> Array:
         """Return the shortest motion near a guess x; it need not keep all constraints."""
+        self._pairs, self._last = self._pairs_near(x), None
         solve: Any = minimize  # its stubs know no exact gradients of constraints
         result = solve(
             lambda x: self.cost(x)[0],
@@ -302,6 +314,8 @@ class CurveOptimiser:
     def refine(self, x: Array) -> list[Configuration]:
         """Return the rows of a motion, its end made exact by Newton's method.
 
+        Corners beyond the joint limits are moved there first, and stay.
+
         Raises:
             NoSolutionError: The end cannot be made exact.
         """
@@ -309,13 +323,38 @@ class CurveOptimiser:
             if (length := self.cost(x)[0] ** 0.5) > LONGEST:
                 raise NoSolutionError(f"a curve grew to {length:.3g} rad")
             self._check_time()
+            x, free = self._within_limits(x)
             Q = self.positions(x)
             end = placed(self.start, Q[-1], attitudes(self.start, Q)[-1])
             left = self.target.missed(self.start, end)
             if np.linalg.norm(left) <= ARRIVED:
                 return walk(self.start, Q)
-            x = x - np.linalg.lstsq(self.values(x).d_end, left, rcond=1e-9)[0]
+            by_corners = self.values(x).d_end @ self._from_corners * free
+            x = x - self._from_corners @ np.linalg.lstsq(by_corners, left, rcond=1e-9)[0]
         raise NoSolutionError(f"the end stays {np.linalg.norm(left):.1e} off", walk(self.start, Q))
+
+    def _within_limits(self, x: Array) -> tuple[Array, Array]:
+        """Return unknowns with all corners within the joint limits, and which have room (size,)."""
+        if not isinstance(self.shape, Corners):
+            return x, np.ones(self.size)
+        lower, upper = self.target.lower + 0.5 * INSET, self.target.upper - 0.5 * INSET
+        straight = np.concatenate((self.start.q, np.zeros(self.size - self.arm.n)))
+        aside = np.linalg.solve(self._from_corners, x - straight).reshape(-1, self.arm.n)
+        corners = self.start.q + aside
+        kept = np.clip(corners, lower, upper)
+        moved = (self._from_corners @ (kept - self.start.q).ravel()) + straight
+        return moved, ((kept > lower) & (kept < upper)).ravel().astype(float)
+
+    @cached_property
+    def _from_corners(self) -> Array:
+        """(size, size) how the unknowns change with the corners of curve and loop."""
+        if not isinstance(self.shape, Corners):
+            return np.eye(self.size)
+        pieces = self.shape.pieces
+        at_corners, _ = self.shape.at(np.arange(1, pieces + 1) / pieces)
+        order = [pieces - 1, *range(pieces - 1)]  # the end is the first unknown
+        blocks = [at_corners[order], *([at_corners[:-1, 1:]] if self.loops else [])]
+        return np.linalg.inv(np.kron(block_diag(*blocks), np.eye(self.arm.n)))
 
     def positions(self, x: Array) -> Array:
         """Return the joint positions (m, n) along loops and curve."""

@@ -87,7 +87,8 @@ def plan(
         UnsupportedError: The arm has several tips, fewer joints than its task has rows, wheels
             that cannot hold the attitude, or no shapes that obstacles could meet.
         ImpossibleError: It is proven that there is no such motion: det J* changes its sign between
-            start and goal, or the goal is out of reach. A NoSolutionError, too.
+            start and goal, or the goal is out of reach. A NoSolutionError, too. At zero momentum it
+            says which relaxation was tried and works, as another posture of the same pose.
         NoSolutionError: No motion was found; says which constraint stopped most attempts and what
             to relax, and why every method failed, and carries the best attempt (the start alone,
             where there is no better).
@@ -107,7 +108,7 @@ def plan(
         start, goal, origin, constraints, search, tuple(via), final_attitude, duration
     )
     if mode == FLOATING:
-        return _floating(request)
+        return _possible(request)
     from spacearm.planning.strategies.attitude_held import attitude_held
 
     return attitude_held(request, _floating)
@@ -205,7 +206,7 @@ def connected(
         >>> sa.connected(arm.at([0.3, 1.2]), arm.at([0.3, -1.2])).answer
         'no'
     """
-    from spacearm.planning.problem import OTHER_POSTURE, parted  # slow to import
+    from spacearm.planning.problem import parted  # slow to import
 
     arm = start.arm
     if goal.arm is not arm:
@@ -213,7 +214,7 @@ def connected(
             f"goal is a configuration of {goal.arm!r}, start of {arm!r}; make both by at of one arm"
         )
     if apart := parted(start, goal):
-        return Connection(arm, "no", f"{apart}; {OTHER_POSTURE}")
+        return Connection(arm, "no", f"{apart}; another posture of the same pose may do")
     ends = {"start": start, "goal": goal}
     if limits and (beyond := [name for name, cfg in ends.items() if cfg.outside_limits]):
         joint = ends[beyond[0]].outside_limits[0]
@@ -243,6 +244,23 @@ def connected(
     if not proof:
         return Connection(arm, "unknown", "a path was found that could not be proven free")
     return Connection(arm, "yes", f"by the planner: {found.method}", path, proof)
+
+
+def _possible(request: PlanRequest) -> Plan:
+    """Return the plan for a request, the spacecraft floating; where there is none, what works.
+
+    Raises:
+        ImpossibleError: There is proven to be none; says which relaxation works, by trying.
+    """
+    from spacearm.planning.strategies.relaxations import relaxed  # slow to import
+
+    try:
+        return _floating(request)
+    except ImpossibleError as error:
+        if request.moving or request.goals or request.via:
+            raise
+        tried = relaxed(request, _floating)
+        raise ImpossibleError("; ".join(filter(None, (str(error), tried))), error.best) from None
 
 
 def _floating(request: PlanRequest) -> Plan:

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite
 from spacearm.collisions.separation import Collisions, Contact, collision_geometry
-from spacearm.collisions.swept_motion import Floating, Recorded, SweptMotion
+from spacearm.collisions.swept_motion import Curved, Floating, Recorded, SweptMotion
 from spacearm.errors import ImpossibleError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.distance import distance_at
@@ -43,17 +43,14 @@ Rows: TypeAlias = list[Configuration]
 
 WAVES = 3
 """Number of sines of curves and loops."""
+ROUNDING = 1e-12
+"""What joints may be beyond their limits [rad] or [m]."""
 TOGETHER = 100
 """Rows that are walked or proven regular between two looks at the clock."""
 LEAST = float(np.radians(0.1))
 """The clearance where none is asked for, but no more than half of what the start has [rad]."""
 AMPLE = float(np.radians(6.0))
 """The clearance that is aimed at first, likewise."""
-OTHER_POSTURE = (
-    "another posture of the same pose may do (lead the tip there and leave the joints open), or "
-    "another tip"
-)
-"""What to relax where det J* has another sign at the goal."""
 
 
 class InContactError(NoSolutionError):
@@ -270,12 +267,10 @@ class Problem:
         """Return a plan that has passed `check`, with what that covers and what failed before.
 
         Raises:
-            NoSolutionError: What is flown is not proven to keep the clearance.
+            NoSolutionError: What is flown is not proven to keep all constraints.
         """
-        try:
-            prove_clearance(found, *self._proven)
-        except NoSolutionError as error:
-            raise self._failure("singular", str(error), [*found]) from None
+        if broken := broken_as_flown(found, self.request):
+            raise self._failure(*broken, [*found])
         last = Attempt(found.method, True, "; ".join(filter(None, (found.travel, self.note))))
         return replace(found, tried=(*failed, last), **_covered(self.collisions))
 
@@ -285,26 +280,31 @@ def travel(rows: Rows) -> float:
     return float(np.abs(np.diff([cfg.q for cfg in rows], axis=0)).sum())
 
 
-def prove_clearance(found: Plan, arm: SpaceArm, mode: BaseMode) -> None:
-    """Prove that a plan as flown keeps the clearance that was asked for, where J* has minors.
+def broken_as_flown(found: Plan, request: PlanRequest) -> tuple[str, str] | None:
+    """Return what a plan breaks as flown, along the splines through its rows; None for nothing.
 
-    Args:
-        found: The plan.
-        arm: The arm whose singular postures count.
-        mode: What its spacecraft does.
+    Clearance is proven where J* has minors, as are joint limits and that no bodies of the arm meet.
 
-    Raises:
-        NoSolutionError: It is not proven; says how much is.
+    Returns:
+        The word of `account.WAYS`, and why.
     """
-    proof = prove_way(arm, mode, found.control_points, found.clearance)
-    if proof is None or proof or proof.at is None:
-        return
-    much = f"a clearance of {angle(proof.clearance, down=True)}" if proof.clearance else "nothing"
-    raise NoSolutionError(
-        f"of the {angle(found.clearance)} asked for, {much} is proven, up to "
-        f"q = {arm.in_words(proof.at)}",
-        found,
-    )
+    arm, points, keep = found.arm, found.control_points, request.constraints
+    proven, mode = (request.held, HELD) if request.held else (arm, FLOATING)
+    proof = prove_way(proven, mode, points, found.clearance)
+    if not (proof is None or proof or proof.at is None):
+        much = angle(proof.clearance, down=True) if proof.clearance else "nothing"
+        where = proven.in_words(proof.at)
+        asked = angle(found.clearance)
+        return "singular", f"of the clearance of {asked}, {much} is proven, up to q = {where}"
+    over = np.maximum(points - arm.upper, arm.lower - points).max(axis=(0, 1))
+    if keep.limits and over.max() > ROUNDING:
+        name = arm.joint_names[int(over.argmax())]
+        return "limits", f"between rows joint {name!r} goes {over.max():.2g} beyond its limit"
+    if keep.collisions:
+        bodies = collision_geometry(arm)
+        if contact := bodies.contact(Curved(arm, points), request.account.check_time):
+            return "contact", f"between rows {contact}"
+    return None
 
 
 def recheck(found: Plan, account: SearchAccount) -> Plan:
@@ -398,7 +398,7 @@ def _check_joints(cfg: Configuration, q: Array, target: Target) -> None:
     """
     _check_within(cfg.arm, "goal", q, target.lower, target.upper)
     if apart := parted(cfg, cfg.arm.at(q)):
-        raise ImpossibleError(f"impossible, proven: {apart}; {OTHER_POSTURE}")
+        raise ImpossibleError(f"impossible, proven: {apart}")
     _check_clear(cfg.arm.at(q), "goal", target.clearance)
 
 

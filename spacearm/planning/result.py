@@ -78,8 +78,8 @@ class Plan(Motion):
 
     `sa.Tracking` leads the joints through the rows along quintic splines, which arrive:
     `arrival_error` says how exactly. `nearest` and `certificate` are of these splines, rounding
-    included. Collisions are checked along the straight lines between the rows, which keep the
-    velocity limits of the URDF.
+    included, and so are limits and contacts of the arm's own bodies. Obstacles are checked along
+    the straight lines between the rows, which keep the velocity limits of the URDF.
 
     Attributes:
         method: The method that found it.

@@ -69,3 +69,21 @@ def test_a_path_of_the_tip_ends_at_the_exact_set_of_a_redundant_arm():
     assert distance == pytest.approx(NEAR, abs=1e-7)
     assert f"at q = {arm.in_words(nearest)}:" in motion.reason
     assert sa.singular_set(arm).nearest(motion.q[-5]).distance > NEAR
+
+
+def test_a_moving_target_is_no_event_while_the_tip_is_with_it_from_the_start():
+    """One that is caught up with is; a target at rest where the tip is counts at once."""
+    cfg = sa.load("planar2").at([0.3, 1.2])
+    here = cfg.tip.translation[:2]
+
+    def reached(offset, speed):
+        start = here + np.array([offset, 0.0])
+        target = start if speed == 0.0 else lambda t: start + np.array([speed * t, 0.0])
+        run = sa.simulate(cfg, sa.TransposedJacobian(target=target, kp=20.0, kd=60.0), 20.0)
+        return [event for event in run.events if event.kind == "target"]
+
+    assert reached(0.0, 0.0)[0].t == 0.0
+    assert all(event.t > 0.0 for event in reached(0.0, -0.01))
+    caught = reached(-0.05, -0.001)
+    assert caught
+    assert "moving target" in caught[0].detail

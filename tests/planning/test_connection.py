@@ -1,5 +1,7 @@
 """Whether postures are connected: paths that are proven, and proofs that there is none."""
 
+import re
+
 import numpy as np
 import pytest
 from helpers.arms import load_text, random_chain
@@ -85,6 +87,19 @@ def test_plans_say_that_they_are_impossible(arm):
         sa.plan(arm.at([0.3, 1.2]), sa.Joints([0.3, -1.2]))
     with pytest.raises(sa.ImpossibleError, match="impossible, proven: the goal is"):
         sa.plan(arm.at([0.3, 1.2]), (40.0, 0.0))
+
+
+def test_the_relaxation_of_an_impossible_plan_that_is_said_to_work_does(arm):
+    """Another posture with the tip at the same place on the spacecraft; an attitude left open."""
+    goal = np.array([0.3, -1.2])
+    with pytest.raises(sa.ImpossibleError, match="and works: another posture") as error:
+        sa.plan(arm.at([0.3, 1.2]), sa.Joints(goal))
+    q = np.radians([float(x) for x in re.findall(r"(-?[\d.]+)°", str(error.value))])
+    tips = [arm.at(x).centred(np.zeros(3)).tip.translation[:2] for x in (q, goal)]
+    np.testing.assert_allclose(*tips, atol=2e-3)  # q is written with four digits
+    assert sa.plan(arm.at([0.3, 1.2]), sa.Joints(q)).certificate.free
+    with pytest.raises(sa.ImpossibleError, match="and works: final_attitude left open"):
+        sa.plan(arm.at([0.3, 1.2]), (0.9, 1.4), final_attitude=sa.pose(rpy=(0.3, 0.0, 0.0)))
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -40,6 +40,7 @@ def test_the_derivatives_of_contacts_and_ends_are_those_of_differences():
     target = Target(start.tip, None, None, 1e-3, arm.lower, arm.upper)
     optimiser = CurveOptimiser(start, target, Corners(2), 2, collisions=Collisions(arm))
     x = np.concatenate((start.q, np.zeros(14), np.zeros(14))) + rng.normal(scale=0.3, size=35)
+    optimiser._pairs = np.arange(len(optimiser._collisions.gaps(start.q)))
     at, way = optimiser.values(x), rng.normal(size=35)
     ahead, behind = (optimiser.values(x + h * way) for h in (1e-6, -1e-6))
     ends = (ahead.end - behind.end) / 2e-6

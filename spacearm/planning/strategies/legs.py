@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from spacearm.model.arguments import FLOATING, HELD
+from spacearm.errors import NoSolutionError
 from spacearm.planning.account import Attempts
-from spacearm.planning.problem import prove_clearance, recheck
+from spacearm.planning.problem import broken_as_flown, recheck
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.at_rest import at_rest, paced
@@ -33,7 +33,6 @@ def by_way_of_goals(request: PlanRequest) -> Plan:
     goals = (*request.via, request.goal)
     keep = request.constraints.keep_attitude
     each = replace(request.constraints, keep_attitude=None if keep is None else keep / len(goals))
-    mode = FLOATING if request.held is None else HELD
     attempts = Attempts(request.account)
     for number in attempts.each(itertools.count()):
         with attempts.at("legs"):
@@ -54,7 +53,8 @@ def by_way_of_goals(request: PlanRequest) -> Plan:
             ends = np.cumsum([len(leg) - 1 for leg in legs])
             whole = landed(_joined(legs, request), on_the_way=ends[:-1].tolist())
             whole = paced(whole, request.constraints.joint_rates(whole.arm))
-            prove_clearance(whole, whole.arm if request.held is None else request.held, mode)
+            if broken := broken_as_flown(whole, request):
+                raise NoSolutionError(broken[1], whole)
             return recheck(whole, request.account)
     told = dict.fromkeys(f"{method}: {why}" for method, _, why in attempts.failed)
     nothing = f"{request.start.arm.name}: no leg found in {request.account.elapsed:.1f} s"

@@ -1,0 +1,74 @@
+"""Relaxations: what is possible of a request that is proven to be impossible, by trying.
+
+Where det J* has another sign at joint positions that are asked for, other postures that bring the
+tip to the same place on the spacecraft may have that of the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.errors import NoSolutionError, listed
+from spacearm.planning.account import SearchAccount, TimeUpError
+from spacearm.planning.problem import Problem
+from spacearm.planning.request import Joints, PlanRequest
+from spacearm.planning.result import Plan
+
+TIME = 3.0
+"""Time for the tries together [s]."""
+SAME_POSE = "another posture of the same pose"
+"""Name of the relaxation that takes other joint positions."""
+SEARCHES, POSTURES = 300, 3
+"""Searches for other postures, and how many of those found are tried, nearest first."""
+
+
+def relaxed(request: PlanRequest, find: Callable[[PlanRequest], Plan]) -> str:
+    """Return which relaxation of an impossible request was tried and works, in words.
+
+    Args:
+        request: What is impossible, of one tip at zero momentum.
+        find: Returns the plan for a request.
+    """
+    account = SearchAccount(TIME, whole=request.account)
+    quick = replace(request, account=account, duration=None)
+    tries: dict[str, list[PlanRequest]] = {}
+    if request.final_attitude is not None:
+        tries["final_attitude left open"] = [replace(quick, final_attitude=None)]
+    if isinstance(request.goal, Joints):
+        tries[SAME_POSE] = _postures(quick, request.goal)
+        if request.constraints.limits:
+            free = replace(request.constraints, limits=False)
+            tries[f"{SAME_POSE}, limits=False"] = _postures(
+                replace(quick, constraints=free), request.goal
+            )
+    for words, requests in tries.items():
+        for each in requests:
+            try:
+                found = find(each)
+            except NoSolutionError:
+                continue
+            ends = f", q = {found.arm.in_words(found.q[-1])}" if SAME_POSE in words else ""
+            return f"tried, and works: {words}{ends}, {found.travel}"
+    return f"tried without success: {listed(tries)}; another tip may do" if tries else ""
+
+
+def _postures(request: PlanRequest, goal: Joints) -> list[PlanRequest]:
+    """Return requests for other joint positions with the tip as it is in those asked for.
+
+    The spacecraft counts as where it is at the start.
+    """
+    start = request.start
+    there = start.arm.at(goal.q, base=pin.SE3(start.base.rotation, np.zeros(3)))
+    to_pose = replace(request, goal=there.centred(start.com).tip, final_attitude=None)
+    try:
+        problem = Problem.of(to_pose)
+        target = problem.target._replace(attitude=start.base.rotation)
+        _, Q = problem.guesses(start, target).ends(0.0, SEARCHES)
+    except (NoSolutionError, TimeUpError):
+        return []
+    nearest = Q[np.argsort(np.abs(Q - start.q).sum(axis=1))[:POSTURES]]
+    return [replace(request, goal=Joints(q)) for q in nearest]
