@@ -256,3 +256,13 @@ def test_a_body_with_joints_is_no_target():
     """The error names joints and the remedy."""
     with pytest.raises(sa.ModelError, match=r"joints that move.*Obstacle\.robot"):
         sa.Target(sa.load("planar2").path)
+
+
+@pytest.mark.parametrize("twist", [(0.0,) * 6, (0.0, 0.0, 0.0, 0.0, 0.0, 0.05)])
+def test_a_target_beside_the_way_is_held_off_by_plans(twist):
+    arm = sa.load("planar2")
+    debris = sa.Target(sa.Bus(90, size=(1, 1, 2)), sa.pose((3.0, 0.0, 0.0)), twist=twist)
+    near = sa.Constraints(obstacles=[debris])
+    plan = sa.plan(arm.at([0.3, 1.2]), sa.Joints([0.6, 1.5]), constraints=near)
+    assert plan.apart
+    assert sa.collision_check(plan, debris).distance.min() > 0.0
