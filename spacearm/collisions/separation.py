@@ -164,11 +164,11 @@ class Collisions:
         Args:
             joints: (nv - 6,) positions of the model's joints.
             base: (7,) pose of the spacecraft; any if None.
-            t: Time [s].
+            t: Time [s]; NaN where no pair has an obstacle.
             pairs: Numbers of the pairs.
         """
         placed: dict[int, pin.SE3] = {}
-        if base is not None:
+        if base is not None and not np.isnan(t):  # without a time only bodies of the arm are met
             poses = (pose for obstacle in self.obstacles for pose in obstacle.poses(t))
             placed = dict(enumerate(poses, len(self.bodies)))
         return self._geometry.distances(joints, pairs, base, placed)

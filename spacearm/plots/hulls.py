@@ -138,16 +138,16 @@ def draw_hulls(
     if not parts:
         return
     everything = np.vstack([points for points, _ in parts])
-    longest = FINEST * float(np.ptp(everything, axis=0).max())
+    solid = alpha == 1.0  # edges close the gaps between triangles, and would be seen through others
+    longest = FINEST * float(np.ptp(everything, axis=0).max()) if solid else np.inf
     triangles = [_divided(faces(points), longest) for points, _ in parts]
     colors = np.repeat([to_rgb(color) for _, color in parts], list(map(len, triangles)), axis=0)
-    solid = alpha == 1.0  # edges close the gaps between triangles, and would be seen through others
     axes.auto_scale_xyz(*everything.T, had_data=axes.has_data())
     axes.add_collection3d(
         Poly3DCollection(
             np.concatenate(triangles),
             facecolors=colors,
-            edgecolors=colors,
+            edgecolors=colors if solid else None,
             linewidths=0.4 if solid else 0.0,
             antialiaseds=solid,
             shade=True,

@@ -15,6 +15,7 @@ from spacearm.arrays import Array, finite, shape_of
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.separation import CollisionReport
 from spacearm.collisions.solids import corners
+from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
@@ -31,6 +32,7 @@ from spacearm.plots.style import (
     axes_for,
     draws,
     entitle,
+    equal_axes,
     headline,
     panels_for,
 )
@@ -247,10 +249,34 @@ def draw_obstacles(
     for obstacle in obstacles:
         for t in times if obstacle.moves else times[-1:]:
             last = t == times[-1]
-            placing = zip(obstacle.parts, obstacle.poses(float(t)), strict=True)
-            hulls = [(placed(corners(part.solid), pose) @ along, GREY) for part, pose in placing]
+            hulls = _hulls_of(obstacle, float(t), along)
             opacity = OPACITY if last else 0.3 * OPACITY
             draw_hulls(axes, hulls, rows, opacity, obstacle.name if last else None)
+
+
+def _hulls_of(obstacle: Obstacle, t: float, along: Array) -> list[tuple[Array, str]]:
+    """Return the points of each part of an obstacle at a time, along axes, and its colour."""
+    placing = zip(obstacle.parts, obstacle.poses(t), strict=True)
+    return [(placed(corners(part.solid), pose) @ along, GREY) for part, pose in placing]
+
+
+@draws(Target, Obstacle)
+def draw_alone(thing: Target | Obstacle, *, ax: Any = None) -> Figure:
+    """Draw a target or an obstacle where it is at time 0, in inertial axes.
+
+    Args:
+        thing: The target or the obstacle.
+        ax: Three-dimensional Matplotlib axes to draw into; None for a new figure.
+
+    Raises:
+        ModelError: The target has no shape.
+    """
+    axes = axes_for(ax, 6.4, 5.6, spatial=True)
+    obstacle = Obstacle.of_target(thing) if isinstance(thing, Target) else thing
+    draw_hulls(axes, _hulls_of(obstacle, 0.0, np.eye(3)), (0, 1, 2), 1.0)
+    equal_axes(axes)
+    entitle(axes, f"{obstacle.name} at 0 s")
+    return axes.figure
 
 
 @draws(CollisionReport)

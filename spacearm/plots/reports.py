@@ -25,6 +25,7 @@ from spacearm.plots.style import (
     headline,
     panels_for,
 )
+from spacearm.results import short_names
 from spacearm.singularities.report import IN_WORDS, SingularityReport
 from spacearm.singularities.rounding import ErrorBars
 
@@ -76,23 +77,33 @@ def draw_report(result: SingularityReport, *, ax: Any = None) -> Figure:
 
 @draws(Capture)
 def draw_capture(result: Capture, *, ax: Any = None) -> Figure:
-    """Draw joint rates and the spacecraft's twist just after the grasp.
+    """Draw arm and target at the grasp, and joint rates and the spacecraft's twist just after it.
 
     Args:
         result: The capture.
-        ax: Three axes, or a figure or subfigure; None for a new figure.
+        ax: Four axes, the first three-dimensional for a spatial arm, or a figure or subfigure; None
+            for a new figure.
     """
-    arm = result.configuration.arm
-    shares = [max(arm.n, 3), 3, 3]
-    whole, panels = panels_for(ax, lambda new: new.subplots(1, 3, width_ratios=shares), 10.0, 4.0)
-    rates, linear, angular = panels
+    cfg, arm = result.configuration, result.configuration.arm
+
+    def parts(new: Any) -> list[Any]:
+        left, right = new.subfigures(1, 2)
+        posture = left.add_subplot(projection=None if in_plane(cfg) else "3d")
+        if posture.name == "3d":
+            posture.set_box_aspect(None, zoom=0.85)  # room for the label of the vertical axis
+        grid = right.add_gridspec(2, 2)
+        return [posture, *(right.add_subplot(grid[at]) for at in ((0, slice(2)), (1, 0), (1, 1)))]
+
+    whole, panels = panels_for(ax, parts, 11.0, 5.4)
+    posture, rates, linear, angular = panels
+    draw_posture(posture, cfg)
     unit = "m/s" if arm.slides.all() else "rad/s, m/s" if arm.slides.any() else "rad/s"
-    _bars(rates, arm.joint_names, result.dq, f"[{unit}]", "Joint rates")
+    _bars(rates, short_names(arm.joint_names), result.dq, f"[{unit}]", "Joint rates")
     _bars(linear, "xyz", result.twist[:3], "[m/s]", "Spacecraft, linear")
     _bars(angular, "xyz", result.twist[3:], "[rad/s]", "Spacecraft, angular")
-    title = f"{arm.name} after the capture: {result.energy_lost:.4g} J lost"
-    headline(whole, panels, title if whole else f"{title}\nJoint rates")
-    return rates.figure
+    title = f"{arm.name} after the capture: {result.energy_lost:.4g} J lost{stand_ins(arm)}"
+    headline(whole, panels, title)
+    return posture.get_figure(root=True)
 
 
 @draws(Dynamics)
