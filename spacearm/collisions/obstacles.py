@@ -109,17 +109,19 @@ class Tumbling:
 
     Attributes:
         target: The target.
+        begin: Its time when the motion begins [s].
     """
 
     target: Target
+    begin: float
 
     def frames(self, t: float) -> Sequence[pin.SE3]:
         """Return its pose at a time."""
-        return (self.target.at(t).pose,)
+        return (self.target.at(self.begin + t).pose,)
 
     def moved(self, part: Part | Body, t0: float, t1: float) -> float:
         """Return the way by its drift and its turn."""
-        return self.target.moved(part.far, t0, t1)
+        return self.target.moved(part.far, self.begin + t0, self.begin + t1)
 
 
 @dataclass(frozen=True)
@@ -183,6 +185,7 @@ class Obstacle:
         along: The motion that carries it with its spacecraft, or the motion of the robot itself.
         posture: The configuration of a robot that does not move.
         target: The target that it is.
+        begin: Time of the target when the motion begins [s].
         margin: Distance that every body must keep from it [m].
         may_touch: Links of the arm that are not held off, such as the hand that is to grasp it.
     """
@@ -195,6 +198,7 @@ class Obstacle:
     along: Motion | None = None
     posture: Configuration | None = None
     target: Target | None = None
+    begin: float = 0.0
     margin: float = 0.0
     may_touch: tuple[str, ...] = ()
 
@@ -280,11 +284,12 @@ class Obstacle:
         return cls._of("robot", None, ORIGIN, {"name": thing.arm.name} | options, **moving)
 
     @classmethod
-    def of_target(cls, target: Target, **options: Any) -> Obstacle:
+    def of_target(cls, target: Target, *, begin: float = 0.0, **options: Any) -> Obstacle:
         """Return a target that drifts and tumbles, with all its shapes.
 
         Args:
             target: The target.
+            begin: Its time when the motion begins [s].
             **options: `name`, `margin` and `may_touch`, as for `box`.
 
         Raises:
@@ -293,7 +298,9 @@ class Obstacle:
         """
         if not isinstance(target, Target):
             raise ConfigurationError(f"target is a {type(target).__name__}; give a sa.Target")
-        return cls._of("target", None, ORIGIN, {"name": target.name} | options, target=target)
+        since = float(finite(begin, (), "begin", "of time [s]"))
+        options = {"name": target.name} | options
+        return cls._of("target", None, ORIGIN, options, target=target, begin=since)
 
     @classmethod
     def _of(
@@ -370,7 +377,7 @@ class Obstacle:
         if self.along is not None:
             return Moving(self.along)
         if self.target is not None:
-            return Tumbling(self.target)
+            return Tumbling(self.target, self.begin)
         if self.posture is not None:
             return Still(tuple(joint_frames(self.posture)))
         if self.twist.any():

@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, finite, plain, positive
-from spacearm.collisions.obstacles import Obstacle
+from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.collisions.separation import collision_check
 from spacearm.errors import (
     ConfigurationError,
@@ -485,10 +485,8 @@ class _Request:
         target = self.target
         if why := out_of_reach(self.start, poses[-1]):
             raise ImpossibleError(why)
-        reach = plan(self.start, poses[0], constraints=self.constraints, search=search)
-        begin = t - clock[-1] - float(reach.t[-1])
-        if begin < 0.0:
-            raise NoSolutionError(f"the way to the stand-off takes {-begin:.3g} s too long")
+        reach = self._reach(poses[0], t - float(clock[-1]), search)
+        begin = t - float(clock[-1] + reach.t[-1])
         chase = follow(
             reach[-1], poses[1:], times=clock[1:], at_rest=False, limits=self.constraints.limits
         )
@@ -522,6 +520,23 @@ class _Request:
             tried=(),
         )
 
+    def _reach(self, goal: pin.SE3, t: float, search: Search) -> Plan:
+        """Return the plan to the stand-off, until a time; it minds the target if it has to."""
+        reach = plan(self.start, goal, constraints=self.constraints, search=search)
+        if (late := float(reach.t[-1]) - t) > 0.0:
+            raise NoSolutionError(f"the way to the stand-off takes {late:.3g} s too long")
+        duration = min(t, 1.5 * float(reach.t[-1]))
+        around = self._as_obstacle(t - float(reach.t[-1]))
+        if not self.constraints.collisions or not collision_check(reach, obstacles=around).contact:
+            return reach
+        kept = obstacles_of(self.constraints.obstacles, self.start.arm)
+        among = replace(self.constraints, obstacles=(*kept, self._as_obstacle(t - duration)))
+        return plan(self.start, goal, duration=duration, constraints=among, search=search)
+
+    def _as_obstacle(self, begin: float) -> Obstacle:
+        """Return the target as what must not be met by a motion that begins at a time."""
+        return Obstacle.of_target(self.target, begin=begin, may_touch=self.touching)
+
     def _holding(self, grapple: str, end: Configuration, v: Array) -> Configuration:
         """Return the arm with the target in its hand at contact, with the momentum of both."""
         target, frame = self.target, self.target.frame(grapple)
@@ -550,8 +565,7 @@ class _Request:
     def _check_contacts(self, motion: Motion) -> None:
         if not self.constraints.collisions:
             return
-        own = Obstacle.of_target(self.target, may_touch=self.touching)
-        contact = collision_check(motion, obstacles=own).contact
+        contact = collision_check(motion, obstacles=self._as_obstacle(0.0)).contact
         if contact is not None:
             raise NoSolutionError(f"{' and '.join(contact.links)} meet after {contact.t:.4g} s")
 

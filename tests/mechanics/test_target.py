@@ -221,6 +221,17 @@ def test_a_motion_meets_a_target_on_its_way_and_not_one_far_off():
     assert sa.collision_check(motion, obstacles=far).contact is None
 
 
+def test_an_obstacle_begins_where_the_target_is_then():
+    """The obstacle of a motion that begins later is the target at that time, and moves on."""
+    target = debris(orbit=0.0011)
+    one, later = sa.Obstacle.of_target(target), sa.Obstacle.of_target(target, begin=30.0)
+    for t in (0.0, 12.0):
+        for a, b in zip(one.poses(30.0 + t), later.poses(t), strict=True):
+            np.testing.assert_allclose(a.homogeneous, b.homogeneous, rtol=0, atol=1e-14)
+    part = later.parts[0]
+    assert later.motion.moved(part, 0.0, 5.0) == one.motion.moved(part, 30.0, 35.0)
+
+
 @pytest.mark.parametrize(
     ("make", "names"),
     [
