@@ -213,10 +213,6 @@ class Result(Described):
         return {self.JSON.get(f.name, f.name): plain(getattr(self, f.name)) for f in fields(self)}
 
 
-ENDS = r"_\-./: "
-"""What words end at, as it stands in a set of a regular expression."""
-
-
 def short_names(names: Sequence[str]) -> list[str]:
     """Return names without the words that all begin and end with, none over 60 characters.
 

@@ -158,7 +158,10 @@ def calls(objects):
         if inspect.ismodule(thing):
             yield from ((f"{name}.{part}", getattr(thing, part)) for part in thing.__all__)
         elif inspect.isclass(thing) and not issubclass(thing, (BaseException, tuple)):
-            if "Result" not in {kind.__name__ for kind in thing.__mro__}:
+            made = "Result" in {kind.__name__ for kind in thing.__mro__} or inspect.isabstract(
+                thing
+            )
+            if not made:
                 yield name, thing
             yield from (
                 (f"{name}.{part}", getattr(thing, part))
@@ -211,8 +214,9 @@ def test_mistakes_get_messages_of_our_own(tmp_path, monkeypatch):
         base = {p.name: known.get(p.name, 1.0) for p in given if p.default is p.empty}
         cases = [(p.name, what, value) for p in given for what, value in mistakes.items()]
         slow = dict.fromkeys(base, 0)
+        arrays = {p.name for p in given if p.annotation == "Array"}  # their shapes are NumPy's
         for argument, what, value in [*cases, ("nonsense", "unknown", 1)]:
-            if slow.get(argument, 0) > 2:
+            if slow.get(argument, 0) > 2 or (what == "a cube" and argument in arrays):
                 continue
             kind, message = outcome(call, base | {argument: value})
             slow[argument] = slow.get(argument, 0) + (kind == "late")

@@ -29,11 +29,11 @@ from spacearm.errors import ConfigurationError, UnsupportedError, imported, unkn
 from spacearm.files import name_part, write
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mechanics.distance import FADING
+from spacearm.mechanics.jacobian import plane_of_motion
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.signatures import checked
-from spacearm.singularities.polynomials import plane_of_motion
 
 Function = Callable[..., Any]
 

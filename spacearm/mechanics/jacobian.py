@@ -410,3 +410,20 @@ def _task_rows(cfg: Configuration, J: Array, axes: Array | None) -> Array:
     task = cfg.arm.task
     along = task.axes(cfg.base.rotation) if axes is None else axes
     return task.scale * task.components(J, along)
+
+
+def probes(arm: SpaceArm) -> list[Configuration]:
+    """Return a few random configurations."""
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
+    return [arm.at(q) for q in Q]
+
+
+def plane_of_motion(arm: SpaceArm) -> int | None:
+    """Return the normal axis of a planar arm whose inertias keep it in the plane, else None."""
+    normal = arm.tree.plane_normal()
+    if normal is None:
+        return None
+    across = [i for i in range(3) if i != normal]
+    A = np.array([cfg.A[3:] for cfg in probes(arm)])
+    leaks = np.abs(A[:, across, 6:]).max() + np.abs(A[:, across, 3 + normal]).max()
+    return normal if leaks <= 1e-12 * np.abs(A).max() else None

@@ -26,9 +26,9 @@ from spacearm.arrays import Array
 from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import Reactions, chained, reactions, turns_of_spacecraft
+from spacearm.mechanics.jacobian import plane_of_motion
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.planning.timing import rest_to_rest_spline, smooth
-from spacearm.singularities.polynomials import plane_of_motion
 
 STRIDE = 0.5
 """Largest joint motion of one step of Newton's method [rad] or [m]."""

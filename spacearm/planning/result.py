@@ -31,6 +31,7 @@ from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.tubes import of_spline
 from spacearm.results import Cell, Description, Measure, Result, Table
 from spacearm.signatures import checked
+from spacearm.singularities.immaterial_masses import payload_note
 from spacearm.singularities.nearest import NearestSingular, nearness
 from spacearm.singularities.sets import nearest_on_way, prove_regular, prove_way
 
@@ -281,7 +282,13 @@ class Plan(Motion):
         return replace(
             motion,
             verdict=f"planned by {self.method}: {self.travel}, {self.t[-1]:.4g} s",
-            notes=[*motion.notes, self.checked, *wheels, *self._drifting()],
+            notes=[
+                *motion.notes,
+                self.checked,
+                *wheels,
+                payload_note(self.arm, self.mode),
+                *self._drifting(),
+            ],
             tables=[
                 *motion.tables,
                 Table.facts(facts, "On the way"),

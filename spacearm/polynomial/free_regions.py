@@ -10,20 +10,23 @@ centre c and half widths h
 
     F(x) >= F(c) - |grad F(c)| h - rest,
 
-the rest from the second derivatives at c and a bound of the third ones everywhere. Given F(c) = 1,
-the a and b that make |grad F(c)| h least, or this and the rest, solve a small linear system. At the
-common root nearest to the centre of a ball some sum of the gradients is along x, which b takes
-away: boxes there are wide beside the gap between ball and root, and few do. What is not proven is
-halved, nearest to the middle first, so that what is proven when a budget ends is a region of the
-same kind. Without u a box is proven as such.
+the rest from the second and third derivatives at c and a bound of the fourth ones everywhere. Given
+F(c) = 1, the a and b that make |grad F(c)| h least, or this and the rest, solve a small linear
+system. At the common root nearest to the centre of a ball some sum of the gradients is along x,
+which b takes away: boxes there are wide beside the gap between ball and root, and few do. What is
+not proven is halved, nearest to the middle first, so that what is proven when a budget ends is a
+region of the same kind. Without u a box is proven as such.
+
+The smallest polynomials are tried first, all of them where these do not do.
 
 Rounding is counted as in `certificate`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -33,10 +36,14 @@ from spacearm.arrays import Array
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.tubes import ROUNDING, Booleans, Indices, Tubes
 
-BATCH = 512
-"""Boxes that are tried at a time."""
+BATCH, LEAST, SPLIT = 512, 16, 50
+"""Boxes that are tried at a time at most and at least, and in how many times a budget is spent: the
+fewer at a time, the more of those that are nearest."""
 NARROW = 1e-7
 """Half width of boxes that are not halved: a common root is as good as found."""
+SMALL, PATIENCE = 0.31, 2
+"""Share of all coefficients that the polynomials tried first have at most, and how often a box is
+halved with these alone before all are tried."""
 RIDGE = 1e-14
 """Share of the squared slopes that is added to the small systems, which may be singular."""
 
@@ -48,7 +55,8 @@ class Expansion(NamedTuple):
         value: (m, p) values.
         slope: (m, p, n) first derivatives.
         bend: (m, p, n, n) second derivatives.
-        third: (m, p, n) bounds of what the third derivatives add, by the joint.
+        third: (m, p, n, n, n) third derivatives.
+        fourth: (m, p, n) bounds of what the fourth derivatives add, by the joint.
         noise: (m, p) bounds of the rounding.
     """
 
@@ -56,12 +64,14 @@ class Expansion(NamedTuple):
     slope: Array
     bend: Array
     third: Array
+    fourth: Array
     noise: Array
 
     @property
     def rest(self) -> Array:
         """(m, p) bounds of what all but the first derivatives add."""
-        return 0.5 * np.abs(self.bend).sum(axis=(2, 3)) + self.third.sum(axis=2)
+        third = np.abs(self.third).sum(axis=(2, 3, 4)) / 6.0
+        return 0.5 * np.abs(self.bend).sum(axis=(2, 3)) + third + self.fourth.sum(axis=2)
 
     def with_(self, other: Expansion) -> Expansion:
         """Return these functions and others in the same boxes."""
@@ -86,11 +96,11 @@ class Expansion(NamedTuple):
         size = np.abs(a)
         slope = np.abs((a[:, None] @ self.slope)[:, 0])
         bend = (a[:, None] @ self.bend.reshape(m, -1, n * n)).reshape(m, n, n)
+        third = (a[:, None] @ self.third.reshape(m, -1, n**3)).reshape(m, n, -1)
         diagonal = np.einsum("mjj->mj", bend)
         across = np.abs(bend).sum(axis=2) - np.abs(diagonal)
-        taken = (
-            slope + 0.5 * (across - np.minimum(diagonal, 0.0)) + (size[:, None] @ self.third)[:, 0]
-        )
+        taken = slope + 0.5 * (across - np.minimum(diagonal, 0.0))
+        taken += np.abs(third).sum(axis=2) / 6.0 + (size[:, None] @ self.fourth)[:, 0]
         return (a * self.value - size * self.noise).sum(axis=1) - taken.sum(axis=1), taken
 
 
@@ -113,6 +123,19 @@ class Roots:
     high: Array
 
     @cached_property
+    def small(self) -> Roots:
+        """The roots of the smallest polynomials alone, which cost little; all if one is as good."""
+        by_size = sorted(self.polynomials, key=lambda f: f.polynomial.coefficients.size)
+        sizes = np.cumsum([f.polynomial.coefficients.size for f in by_size])
+        few = int((sizes <= SMALL * sizes[-1]).sum())
+        return replace(self, polynomials=by_size[:few]) if few > 1 else self
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return sum(f.polynomial.coefficients.size for f in self.polynomials)
+
+    @cached_property
     def relevant(self) -> Booleans:
         """(n,) which positions the polynomials depend on."""
         return np.any([f.polynomial.degrees for f in self.polynomials], axis=0)
@@ -128,27 +151,29 @@ class Roots:
         return self.unit * [f.polynomial.degrees for f in self.polynomials]
 
     @cached_property
-    def _third(self) -> Array:
-        """(p, n, n n) bounds of the third derivatives with respect to x."""
+    def _fourth(self) -> Array:
+        """(p, n, n n n) bounds of the fourth derivatives with respect to x."""
         ends = self.origin + self.unit * np.array((self.low, self.high))
-        unit = np.einsum("i,j,k->ijk", self.unit, self.unit, self.unit)
-        bounds = np.array([f.derivative_bounds(3, ends) * unit for f in self.polynomials])
+        unit = np.einsum("i,j,k,l->ijkl", self.unit, self.unit, self.unit, self.unit)
+        bounds = np.array([f.derivative_bounds(4, ends) * unit for f in self.polynomials])
         return bounds.reshape(*bounds.shape[:2], -1)
 
     def expanded(self, centre: Array, half: Array) -> Expansion:
         """Expand the polynomials in boxes (m, n)."""
-        jets = [f(self.origin + self.unit * centre, 2) for f in self.polynomials]
-        value, slope, bend = (np.stack(part, axis=1) for part in zip(*jets, strict=True))
+        jets = [f(self.origin + self.unit * centre, 3) for f in self.polynomials]
+        value, slope, bend, third = (np.stack(part, axis=1) for part in zip(*jets, strict=True))
         width = self.unit * half
-        pairs = (half[:, :, None] * half[:, None]).reshape(len(half), -1)
-        third = np.moveaxis(self._third @ pairs.T, -1, 0) * half[:, None] / 6.0
+        pairs = width[:, :, None] * width[:, None]
+        triples = np.einsum("mi,mj,mk->mijk", half, half, half).reshape(len(half), -1)
+        fourth = np.moveaxis(self._fourth @ triples.T, -1, 0) * half[:, None] / 24.0
         turn = half @ self._turns.T
         return Expansion(
             value,
             slope * width[:, None],
-            bend * (width[:, :, None] * width[:, None])[:, None],
-            third,
-            self._noise * (1.0 + turn + 0.5 * turn**2),
+            bend * pairs[:, None],
+            third * (pairs[:, :, :, None] * width[:, None, None])[:, None],
+            fourth,
+            self._noise * (1.0 + turn + turn**2 / 2.0 + turn**3 / 6.0),
         )
 
     def free(
@@ -188,7 +213,7 @@ class Proof(NamedTuple):
     Attributes:
         radius: No common root is nearer to the curve than this, proven.
         open: (k, n) centres of the boxes that are not proven, nearest to the curve first, in x.
-        tried: How many boxes were tried.
+        tried: How many boxes were tried, in shares of all coefficients.
     """
 
     radius: float
@@ -204,7 +229,7 @@ def prove(
     Args:
         roots: The polynomials; only what lies between `low` and `high` counts.
         tubes: The tubes.
-        most: Largest number of boxes that are tried.
+        most: Largest number of boxes that are tried, in shares of all coefficients.
         progress: Called now and then with the number tried since.
     """
     whole, tubes = tubes, tubes.within(roots.relevant)  # as the roots see them
@@ -214,18 +239,27 @@ def prove(
     of = np.flatnonzero((low <= high).all(axis=1))
     centre, half = 0.5 * (low + high)[of], 0.5 * (high - low)[of] * (1.0 + ROUNDING)
     away = tubes.distances(centre, half, of) - tubes.slack[of]
-    tried = 0
+    age, tried, small = np.zeros(len(of), dtype=int), 0, roots.small
+    share = small.size / max(roots.size, 1)
+    batch = min(BATCH, max(most // SPLIT, LEAST))
     while len(centre):
         order = np.argsort(away, kind="stable")
-        now, later = order[:BATCH], order[BATCH:]
+        now, later = order[:batch], order[batch:]
         if tried >= most or half[now[0]].max() < NARROW:
             open_ = np.where(roots.relevant, centre[order], whole.start[of[order]])
             return Proof(min(max(float(away[now[0]]), 0.0), tubes.radius), open_, tried)
-        tried += len(now)
-        if progress:
-            progress(len(now))
         inside = _inside(tubes, centre[now], half[now], of[now])
-        free, taken = roots.free(centre[now], half[now], inside)
+        free, taken = small.free(centre[now], half[now], inside)
+        again = np.flatnonzero(~free & (age[now] >= PATIENCE)) if share < 1.0 else now[:0]
+        if len(again):
+            part = Expansion(*(numbers[again] for numbers in inside))
+            at = now[again]
+            free[again], taken[again] = roots.free(centre[at], half[at], part)
+            age[at] = -1
+        work = math.ceil(share * len(now)) + len(again)
+        tried += work
+        if progress:
+            progress(work)
         left = now[~free]
         c, h = halved(centre[left], half[left], taken[~free])
         which = np.tile(of[left], 2)
@@ -234,6 +268,7 @@ def prove(
         centre = np.concatenate((centre[later], c[near]))
         half = np.concatenate((half[later], h[near]))
         away, of = np.append(away[later], d[near]), np.append(of[later], which[near])
+        age = np.append(age[later], np.tile(age[left] + 1, 2)[near])
     return Proof(tubes.radius, centre, tried)
 
 
@@ -244,6 +279,7 @@ def _inside(tubes: Tubes, centre: Array, half: Array, of: Indices) -> Expansion:
         value[:, None],
         (slope * half)[:, None],
         (bend * half[:, :, None] * half[:, None])[:, None],
+        np.zeros((len(centre), 1, *(centre.shape[1],) * 3)),
         np.zeros((len(centre), 1, centre.shape[1])),
         noise[:, None],
     )

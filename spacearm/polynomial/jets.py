@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from itertools import permutations
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -70,11 +71,13 @@ class Jet(NamedTuple):
         value: (m,).
         gradient: (m, n); empty if not asked for.
         hessian: (m, n, n); empty if not asked for.
+        third: (m, n, n, n) third derivatives; empty if not asked for.
     """
 
     value: Array
     gradient: Array
     hessian: Array
+    third: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,21 +129,17 @@ class Jets:
         return np.abs(self.polynomial.coefficients)
 
     def __call__(self, Q: Array, order: int = 0) -> Jet:
-        """Evaluate at Q (m, n), with derivatives up to an order of 0, 1 or 2."""
+        """Evaluate at Q (m, n), with derivatives up to an order from 0 to 3."""
         m, n = Q.shape
-        value, gradient = np.empty(m), np.zeros((m, n) if order else (0, 0))
-        hessian = np.zeros((m, n, n) if order > 1 else (0, 0, 0))
+        parts = [np.zeros((m if e <= order else 0, *(n,) * e)) for e in range(4)]
         step = max(1, BLOCK // max(1, self._tensor.size))
         for first in range(0, m, step):
             rows = slice(first, first + step)
             for of, values in self._partials(Q[rows], order).items():
-                if not of:
-                    value[rows] = values
-                elif len(of) == 1:
-                    gradient[rows, of[0]] = values
-                else:
-                    hessian[rows, of[0], of[1]] = hessian[rows, of[1], of[0]] = values
-        return Jet(value, gradient, hessian)
+                for index in set(permutations(of)):
+                    at: Any = (rows, *index)
+                    parts[len(of)][at] = values
+        return Jet(*parts)
 
     def _partials(self, Q: Array, order: int) -> dict[tuple[int, ...], Array]:
         """Compute the partial derivatives (m,) by the coordinates they are taken in."""

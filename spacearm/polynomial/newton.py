@@ -173,7 +173,7 @@ def onto(polynomials: Sequence[TrigPolynomial], points: Array) -> Array:
     """Move points (m, n) onto the common roots by the Gauss-Newton method."""
     scaled = [Jets.of(f) for f in polynomials]
     for _ in range(ONTO_STEPS):
-        values, G, _ = stacked(scaled, points, 1)
+        values, G = stacked(scaled, points, 1)[:2]
         step = -(np.linalg.pinv(G, rcond=1e-9) @ values[:, :, None])[:, :, 0]
         points = points + shortened(step, ONTO_STRIDE)
         if np.abs(step).max(initial=0.0) < 1e-14:

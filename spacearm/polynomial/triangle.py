@@ -173,7 +173,7 @@ def _roots_where_lost(
         along = line(lines, 1)
         slopes = along.gradient.reshape(len(X), -1, f.n).copy()
         slopes[:, :, j] = 0.0
-        values, gradients, _ = stacked(jets, X, 1)
+        values, gradients = stacked(jets, X, 1)[:2]
         values = np.column_stack((values, along.value.reshape(len(X), -1)))
         return values, np.concatenate((gradients, slopes), axis=1)
 

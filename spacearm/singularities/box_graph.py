@@ -8,7 +8,6 @@ singular configuration, and needs no further proof.
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,6 +32,7 @@ from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.tubes import ROUNDING
 from spacearm.results import Cell, Column, Description, Result, Table
 from spacearm.signatures import checked
+from spacearm.singularities.immaterial_masses import digest_of_set
 from spacearm.singularities.joint_boxes import TURN, minors_for_proofs, range_allowed
 
 BATCH = 4096
@@ -223,7 +223,7 @@ class FreeBoxes(Result):
         """
         buffer = BytesIO()
         names = {"arm": np.array(self.arm.name), "mode": np.array(self.mode)}
-        names["bodies"] = np.array(_bodies(self.arm))
+        names["bodies"] = np.array(digest_of_set(self.arm, self.mode))
         names["endless"] = np.array(self.endless, dtype=np.int64)
         arrays: dict[str, Any] = names | self.cells._asdict()
         np.savez_compressed(buffer, **arrays)
@@ -253,7 +253,7 @@ class FreeBoxes(Result):
             raise StoreError(
                 f"{path} has the boxes of {names[0]}, {names[1]}; not those of {arm.name}, {mode}"
             )
-        if bodies != _bodies(arm):
+        if bodies != digest_of_set(arm, mode):
             raise StoreError(
                 f"{path} has the boxes of another {arm.name}: its masses, lengths, tips or "
                 "task differ; call free_boxes for this one"
@@ -291,18 +291,6 @@ class FreeBoxes(Result):
             tables=[Table.by_columns(columns, f"The largest {len(shares)} parts")],
             not_checked="collisions; whether parts are connected by what is not covered",
         )
-
-
-def _bodies(arm: SpaceArm) -> str:
-    """Return a digest of all of an arm that its singular set depends on."""
-    model, joints = arm.model, arm.tree.movable()
-    numbers = [inertia.toDynamicParameters() for inertia in model.inertias]
-    numbers += [pose.homogeneous.ravel() for pose in model.jointPlacements]
-    numbers += [model.frames[frame].placement.homogeneous.ravel() for frame in arm.tip_frames]
-    numbers += [arm.offsets] if arm.coupling is None else [arm.offsets, arm.coupling.ravel()]
-    numbers += [joint.axis for joint in joints]
-    words = arm.joint_names, arm.tips, arm.task.names, [joint.kind for joint in joints]
-    return hashlib.sha256(np.concatenate(numbers).tobytes() + repr(words).encode()).hexdigest()
 
 
 @checked

@@ -14,10 +14,16 @@ rest has no momentum, whatever its mass is.
 
 from __future__ import annotations
 
+import hashlib
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
 from spacearm.errors import listed
+from spacearm.mechanics.jacobian import plane_of_motion
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.singularities.polynomials import plane_of_motion
 
 
 def any_payload(arm: SpaceArm, mode: BaseMode) -> bool:
@@ -63,3 +69,46 @@ def payload_note(arm: SpaceArm, mode: BaseMode) -> str:
     planar = "" if len({i % 6 for i in arm.task.indices}) == 6 else " that keeps the arm planar"
     own = f", and for any mass of {listed(list(links))}" if links else ""
     return f"The singular set is the same for any payload{planar}{own}."
+
+
+@lru_cache(maxsize=256)
+def digest_of_set(arm: SpaceArm, mode: BaseMode) -> str:
+    """Return a digest of all of an arm that its singular set depends on.
+
+    Masses that do not matter are left out: the same digest, the same set.
+    """
+    model, joints = arm.model, arm.tree.movable()
+    held = set[int]()
+    if mode == "fixed":
+        held = {*range(model.njoints)}
+    elif any_payload(arm, mode):
+        held = {model.frames[frame].parentJoint for frame in arm.tip_frames}
+    numbers = [model.inertias[i].toDynamicParameters() for i in {*range(model.njoints)} - held]
+    numbers += [pose.homogeneous.ravel() for pose in model.jointPlacements]
+    numbers += [model.frames[frame].placement.homogeneous.ravel() for frame in arm.tip_frames]
+    numbers += [arm.offsets] if arm.coupling is None else [arm.offsets, arm.coupling.ravel()]
+    numbers += [joint.axis for joint in joints]
+    kinds = [joint.kind for joint in joints]
+    words = arm.joint_names, arm.tips, arm.task.names, kinds, mode, sorted(held)
+    return hashlib.sha256(np.concatenate(numbers).tobytes() + repr(words).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class SameSet:
+    """All arms with the same singular set and the same ranges of joints: one stands for them.
+
+    Attributes:
+        digest: What they have in common.
+        arm: One of them.
+        mode: What the spacecraft does.
+    """
+
+    digest: str
+    arm: SpaceArm = field(compare=False)
+    mode: BaseMode = field(compare=False)
+
+    @classmethod
+    def of(cls, arm: SpaceArm, mode: BaseMode) -> SameSet:
+        """Return what stands for an arm."""
+        ranges = np.array((arm.lower, arm.upper))[:, arm.slides].tolist()
+        return cls(f"{digest_of_set(arm, mode)} {ranges}", arm, mode)

@@ -29,6 +29,7 @@ from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.tubes import ROUNDING
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.signatures import checked
+from spacearm.singularities.immaterial_masses import payload_note
 from spacearm.singularities.nearest import NearestSearch
 from spacearm.singularities.polynomials import proving_minors
 
@@ -192,7 +193,10 @@ class FreeBox(Result):
             title=f"{self.arm.name}, {self.mode}",
             verdict=f"no posture in these joint ranges is singular, proven{self._with_clearance}",
             tone="good",
-            notes=[f"{open_} sides may go on: the proof ended there."] if open_ else [],
+            notes=[
+                payload_note(self.arm, self.mode),
+                *[f"{open_} sides may go on: the proof ended there."] * bool(open_),
+            ],
             tables=tables,
             not_checked="collisions, rates, whether another box has more volume",
         )

@@ -32,6 +32,7 @@ from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.tubes import Tubes, deviations, foot
 from spacearm.results import Cell, Description, Result, Table, joint_measures
+from spacearm.singularities.immaterial_masses import payload_note
 
 Booleans = npt.NDArray[np.bool_]
 
@@ -45,7 +46,7 @@ ABREAST, LOOKED_AT, LOOKED_FROM, ALONG = 0.1, 400, 6, 0.3
 """Between places on a way at which it is estimated how near the set is [rad], and their largest
 number; the largest number from which the nearest configuration is looked for, and how far apart
 they are [rad]."""
-MOST_BOXES, MOST_TERMS = 20_000, 2.5e9
+MOST_BOXES, MOST_TERMS = 20_000, 1.2e9
 """Boxes that such a proof may take, and how many coefficients are summed up in them."""
 NEARER = 1e-6
 """Share of a distance by which another one is nearer."""
@@ -120,7 +121,10 @@ class NearestSingular(Result):
         return Description(
             title=f"{self.arm.name}, {self.mode}",
             verdict=nearness(self.distance, self.distance_proven),
-            notes=[f"Joint limits {'count' if self.limits else 'do not count'}."],
+            notes=[
+                f"Joint limits {'count' if self.limits else 'do not count'}.",
+                payload_note(self.arm, self.mode),
+            ],
             tables=[Table.by_columns(columns)],
         )
 

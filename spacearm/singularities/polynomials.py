@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import combinations
@@ -30,13 +31,14 @@ import numpy.typing as npt
 from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
 from spacearm.mechanics import batch
-from spacearm.mechanics.jacobian import task_jacobian
+from spacearm.mechanics.jacobian import plane_of_motion, probes, task_jacobian
 from spacearm.model.arguments import BaseMode, require_possible
-from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle, eliminate, find_triangle, share_root
 from spacearm.polynomial.trig import Sampler, TrigPolynomial, degrees_of
 from spacearm.signatures import checked
+from spacearm.singularities.immaterial_masses import SameSet
 from spacearm.singularities.nearest import is_singular, lose_rank
 
 Indices = npt.NDArray[np.int_]
@@ -81,14 +83,14 @@ def singularity_polynomial(arm: SpaceArm, *, mode: BaseMode = "free-floating") -
         >>> sa.singularity_polynomial(sa.load("mda6")).degrees  # the last joint does not matter
         (2, 4, 3, 2, 1, 0)
     """
-    return _fitted(arm, mode)
+    check_square(arm)
+    return _fitted(SameSet.of(arm, mode))
 
 
 @lru_cache(maxsize=16)
-def _fitted(arm: SpaceArm, mode: BaseMode) -> TrigPolynomial:
-    """Fit S(q); arguments in one spelling, so that the cache knows them again."""
-    check_square(arm)
-    (S,) = minor_polynomials(arm, [range(arm.n)], mode=mode)
+def _fitted(same: SameSet) -> TrigPolynomial:
+    """Fit S(q), once for all arms with the same singular set."""
+    (S,) = minor_polynomials(same.arm, [range(same.arm.n)], mode=same.mode)
     return S
 
 
@@ -155,8 +157,8 @@ def _columns_at_random(arm: SpaceArm, mode: BaseMode) -> Array:
 
 def _sampler_of_several_tips(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler:
     """Return the function that computes minors as det(D) det(J*), one by one."""
-    D_unit = max(np.abs(cfg.A[3:, 3:6]).max() for cfg in _probes(arm))
-    at_probes = np.array([task_jacobian(cfg, mode=mode) for cfg in _probes(arm)])
+    D_unit = max(np.abs(cfg.A[3:, 3:6]).max() for cfg in probes(arm))
+    at_probes = np.array([task_jacobian(cfg, mode=mode) for cfg in probes(arm)])
     J_unit = np.abs(at_probes).max()
 
     def sampler(Q: Array) -> Array:
@@ -183,12 +185,6 @@ def _rows_and_free_directions(arm: SpaceArm, mode: BaseMode) -> tuple[Indices, l
     normal = plane_of_motion(arm)
     rows = list(range(6)) if normal is None else [*{0, 1, 2} - {normal}, 3 + normal]
     return np.array(rows), [i for i in rows if i not in task]
-
-
-def _probes(arm: SpaceArm) -> list[Configuration]:
-    """Return a few random configurations."""
-    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
-    return [arm.at(q) for q in Q]
 
 
 def radius_squared(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> TrigPolynomial:
@@ -261,17 +257,6 @@ def to_square(arm: SpaceArm) -> str:
     n, lock = arm.n, f"locked={{{arm.joint_names[-1]!r}: 0.0}}"
     longer = f", or take a task with {n} rows" if n <= 6 * len(arm.tips) else ""
     return f"lock {n - arm.task.k} joint(s), for instance {lock}{longer}"
-
-
-def plane_of_motion(arm: SpaceArm) -> int | None:
-    """Return the normal axis of a planar arm whose inertias keep it in the plane, else None."""
-    normal = arm.tree.plane_normal()
-    if normal is None:
-        return None
-    across = [i for i in range(3) if i != normal]
-    A = np.array([cfg.A[3:] for cfg in _probes(arm)])
-    leaks = np.abs(A[:, across, 6:]).max() + np.abs(A[:, across, 3 + normal]).max()
-    return normal if leaks <= 1e-12 * np.abs(A).max() else None
 
 
 ANYWHERE = 1.0
@@ -479,9 +464,8 @@ def has_minors(arm: SpaceArm) -> bool:
     return arm.coupling is None and 0 < math.comb(arm.n, arm.task.k) <= MOST_MINORS
 
 
-@lru_cache(maxsize=16)
 def minors_of(arm: SpaceArm, mode: BaseMode) -> Minors:
-    """Find the degrees of all maximal minors of an arm.
+    """Find the degrees of all maximal minors of an arm, or of one with the same singular set.
 
     Args:
         arm: The arm.
@@ -497,6 +481,13 @@ def minors_of(arm: SpaceArm, mode: BaseMode) -> Minors:
             f"{arm.name}: J* has no minors that are polynomials of the joint positions, because "
             f"joints mimic others, or too many of them ({math.comb(n, k)}, at most {MOST_MINORS})"
         )
+    return _minors(SameSet.of(arm, mode))
+
+
+@lru_cache(maxsize=16)
+def _minors(same: SameSet) -> Minors:
+    arm, mode = same.arm, same.mode
+    k, n = arm.task.k, arm.n
     own, every = chart_of(arm), np.array(list(combinations(range(n), k)))
     rng = np.random.default_rng(0)
     probes = own.draw(rng, PROBES)
@@ -510,16 +501,18 @@ def minors_of(arm: SpaceArm, mode: BaseMode) -> Minors:
 def proving_minors(arm: SpaceArm, mode: BaseMode) -> Sequence[Jets]:
     """Return minors of which one that is not zero proves a configuration regular.
 
-    All, or where these have too many coefficients a few; none where J* has no minors, or they
-    would take too long to fit: those of several tips are computed one by one.
+    All, or where these have too many coefficients a few; none where J* has no minors, these have
+    too many, too, or they would take too long to fit: those of several tips are computed one by
+    one.
     """
     if not has_minors(arm):
         return ()
     minors = minors_of(arm, mode)
-    size = minors.size
-    if size > (MOST_COEFFICIENTS if len(arm.tips) == 1 else MOST_OF_SEVERAL_TIPS):
+    if minors.size <= (MOST_COEFFICIENTS if len(arm.tips) == 1 else MOST_OF_SEVERAL_TIPS):
+        return minors.every()
+    with suppress(UnsupportedError):  # too many coefficients
         return minors.few if len(arm.tips) == 1 else ()
-    return minors.every()
+    return ()
 
 
 def _of_angles(arm: SpaceArm, mode: BaseMode, own: Chart, columns: Iterable[Columns]) -> Sampler:

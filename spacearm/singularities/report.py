@@ -28,6 +28,7 @@ from spacearm.results import (
     without_noise,
 )
 from spacearm.signatures import checked
+from spacearm.singularities.immaterial_masses import payload_note
 from spacearm.singularities.nearest import NearestSingular, angle, nearness
 from spacearm.singularities.rounding import error_bars
 from spacearm.singularities.sets import nearest_on_way
@@ -185,7 +186,7 @@ class SingularityReport(Result):
         outside = self.configuration.outside_limits
         more = f", {k - self.rank} of {k} directions lost" if self.rank < k else ""
         more += f"; outside its limits: {listed(outside)}" if outside else ""
-        notes = [IN_WORDS]
+        notes = [IN_WORDS, payload_note(arm, self.mode)]
         if self.way_out:
             notes.insert(0, f"To get away, per degree: {self.way_out}")
         tables = [self._posture(), Table.facts(self._facts(), "Tip"), self._directions()]

@@ -92,7 +92,7 @@ class Equations:
         """
         Q = np.clip(Q, self.low, self.high)
         for _ in range(POLISH):
-            values, slopes, _ = self(Q, 1)
+            values, slopes = self(Q, 1)[:2]
             if np.abs(values).max(initial=0.0) < CONVERGED:
                 break
             slopes = slopes * self.free(Q)[:, None]
@@ -145,7 +145,7 @@ def tubes(f: Equations, chain: Array) -> list[Tube]:
 def _hold(f: Equations, start: Array, end: Array) -> tuple[Booleans, Array]:
     """Check which segments (m, n) hold a curve, and how far its ends may be from theirs (m,)."""
     middle, half = 0.5 * (start + end), 0.5 * (end - start)
-    _, slopes, second = f(middle, 2)
+    _, slopes, second, _ = f(middle, 2)
     low, high = np.minimum(start, end), np.maximum(start, end)
     noise = f.noise(float(np.abs((low, high)).max()) + 1.0)
     sizes = np.maximum(np.abs(f(start).value), np.abs(f(end).value)) + noise

@@ -8,6 +8,7 @@ from helpers.arms import load_text, random_chain, random_configuration, random_i
 
 import spacearm as sa
 from spacearm.singularities.immaterial_masses import immaterial_links
+from spacearm.singularities.polynomials import minors_of
 
 MODES = ("free-floating", "attitude-controlled", "fixed")
 
@@ -165,3 +166,52 @@ def test_links_without_mass_have_none_to_change():
     idle = next(name for name in arm.whole.links if name not in arm.whole.massive())
     with pytest.raises(sa.ModelError, match="has no mass"):
         arm.whole.with_mass(idle, 1.0)
+
+
+@pytest.mark.parametrize("mode", ["free-floating", "attitude-controlled"])
+def test_polynomials_are_kept_for_another_payload_and_for_nothing_else(mode):
+    arm = load_text(random_chain(5, 7), task="pose")
+    kept = minors_of(arm, mode)
+    assert minors_of(arm.replace(payload=70.0), mode) is kept
+    assert minors_of(arm.grasp(9.0, np.eye(3), (0.1, 0.2, 0.3)), mode) is kept
+    other = "fixed" if mode == "free-floating" else "free-floating"
+    assert minors_of(arm, other) is not kept
+    for changed in (
+        arm.replace(base_mass=2.0 * arm.mass),
+        arm.replace(task="position", payload=70.0),
+        load_text(random_chain(6, 7), task="pose"),
+    ):
+        assert minors_of(changed, mode) is not kept
+    square = load_text(random_chain(5, 3), task="position")
+    heavy = square.grasp(70.0, 20.0 * np.eye(3), (0.5, 0.2, 0.3))
+    q = np.array([0.4, -0.3, 1.1])
+    S, other = (sa.singularity_polynomial(one, mode=mode) for one in (square, heavy))
+    assert S is not other
+    q[2] = sa.singular_set(heavy, mode=mode).roots(q, 2).angles[0]
+    assert sa.singularity(heavy.at(q), mode=mode).rank == 2
+    assert abs(S(q[None])[0]) > 1e-6 * S.scale  # another set
+
+
+def test_boxes_saved_for_one_payload_are_those_of_another(tmp_path):
+    arm = sa.load("planar3")
+    boxes = sa.free_boxes(arm, share=0.2)
+    boxes.save(tmp_path / "boxes.npz")
+    height = arm.at(np.zeros(3)).tip.translation[2]
+    within = arm.grasp(40.0, np.diag([1.0, 2.0, 3.0]), (0.3, 0.2, -height))
+    again = sa.FreeBoxes.load(tmp_path / "boxes.npz", within, boxes.mode)
+    np.testing.assert_array_equal(again.cells.low, boxes.cells.low)
+    beside = arm.grasp(40.0, None, (0.0, 0.0, 1.0))
+    with pytest.raises(sa.StoreError, match="another"):
+        sa.FreeBoxes.load(tmp_path / "boxes.npz", beside, boxes.mode)
+
+
+@pytest.mark.parametrize(("task", "words"), [("pose", "any payload"), ("position", "this payload")])
+def test_results_say_for_which_payload_they_hold(task, words):
+    arm = load_text(random_chain(2, 6 if task == "pose" else 3), task=task)
+    q = np.clip(np.linspace(-0.5, 0.9, arm.n), arm.lower, arm.upper)
+    near = sa.singular_set(arm).nearest(q)
+    here = sa.Constraints(collisions=False)
+    told = [near, sa.singularity(arm.at(q), exact=True)]
+    told += [sa.plan(arm.at(q), sa.Joints(q + 0.01), constraints=here), sa.free_box(arm.at(q))]
+    for result in told:
+        assert words in " ".join(result.describe().notes)

@@ -69,6 +69,7 @@ def test_far_away_no_part_says_that_it_is_farther(tmp_path):
     assert motion.distance[0] == same(found.distance)
     rows = {row[0]: row[1] for row in motion.describe().tables[1].rows}
     assert rows["distance of a singular posture found"].value == same(found.distance)
+    assert "found 7" in motion.clear
     assert motion.nearest.distance <= found.distance * (1.0 + 1e-9)
     axes = sa.plot(motion).axes[-1]
     assert axes.get_ylabel() == "to a singular\nposture found [deg]"

@@ -83,3 +83,11 @@ def test_the_limits_are_kept_and_leave_more_room():
     assert kept.distance >= free.distance - 1e-6
     assert kept.distance_proven >= 0.9 * kept.distance
     assert ((kept.q >= arm.lower - 1e-9) & (kept.q <= arm.upper + 1e-9)).all()
+
+
+@pytest.mark.slow
+def test_minors_that_are_too_large_leave_a_distance_without_proof():
+    arm = load_text(random_chain(1, 6, ("revolute",)), task="position")
+    near = sa.singular_set(arm).nearest(np.linspace(-0.5, 1.0, 6))
+    assert near.distance > near.distance_proven == 0.0
+    assert "a nearer one may exist" in near.describe().verdict

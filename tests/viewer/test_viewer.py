@@ -247,6 +247,7 @@ def test_other_origins_are_refused(viewer):
     """Whatever else the request says, with the right token, in either header and beside our own."""
     url = viewer.serve()
     own, host = url.partition("/?")[0], f"127.0.0.1:{port_of(url)}"
+    assert talk(url, "{}")  # a program, which has no origin; it knows the token
     assert talk(url, "{}", headers={"Origin": own})
     assert talk(url, "{}", headers={"Origin": own, "Sec-WebSocket-Origin": own})
     evil = ["http://evil.example", "null", "", "https://127.0.0.1", "http://127.0.0.1:1"]
