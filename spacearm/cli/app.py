@@ -91,7 +91,7 @@ COMMANDS = {
     ),
     "catch": (
         "missions.find_catch",
-        "Find when and how an arm catches a tumbling target, with its velocity, and brakes it.",
+        "Find when and how the arm catches a tumbling target, with its velocity, and brakes it.",
     ),
     "reaction": (
         "missions.report_reaction",

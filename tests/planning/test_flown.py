@@ -5,12 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.replay import replay
 
 import spacearm as sa
 from spacearm.collisions.separation import collision_geometry
 from spacearm.collisions.swept_motion import Curved
+from spacearm.mechanics.floating import walk
 from spacearm.planning.problem import broken_as_flown
 from spacearm.planning.request import PlanRequest
+from spacearm.planning.result import landed
 
 
 def request_of(plan):
@@ -60,3 +63,25 @@ def test_contacts_on_curves_are_those_of_dense_samples(name):
             assert bodies.touch(proven.q)
         found[proven is None] += 1
     assert min(found.values()) > 3
+
+
+def test_a_row_on_the_way_is_passed_with_its_attitude_as_flown():
+    """Rows so coarse that splines and straight pieces turn the spacecraft differently."""
+    arm = sa.load("mda6")
+    s = np.linspace(0.0, 1.0, 21)[:, None]
+    q = np.radians([0, 60, -100, -50, 30, 0]) + np.array([0.9, -0.5, 0.4, 0.5, -0.3, 0.6]) * s
+    q += 0.1 * np.sin(np.pi * s) * np.array([1.0, 1.0, -1.0, 1.0, 0.0, -1.0])
+    rows = walk(arm.at(q[0]).centred(np.zeros(3)), q)
+    plan = sa.Plan.of_rows("by hand", rows, np.full(6, 0.2))
+    row = 12
+
+    def off(bent):
+        there, _ = replay(bent, row)
+        return np.abs(there.base.rotation - rows[row].base.rotation).max()
+
+    assert off(landed(plan)) > 1e-6
+    bent = landed(plan, on_the_way=[row])
+    assert off(bent) < 1e-7
+    np.testing.assert_array_equal(bent.q[[0, row, -1]], q[[0, row, -1]])
+    end, _ = replay(bent)
+    np.testing.assert_allclose(end.base.rotation, rows[-1].base.rotation, atol=1e-7)
