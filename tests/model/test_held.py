@@ -102,7 +102,7 @@ def test_it_stays_held_whatever_is_replaced(tmp_path):
 def test_an_arm_mounted_on_one_that_holds_joints_keeps_them_movable():
     bus = sa.mount("z1", sa.Bus(mass=200, size=(1, 1, 1)), name="a")
     both = sa.mount("vispa", bus, pin.SE3(np.eye(3), np.array([0, 0, 0.5])), name="b")
-    assert (both.tip, both.n) == ("b", 6)
+    assert (both.tip, both.n) == ("b_tip", 6)
     assert both.held.keys() == {"a_jointGripper", *bus.joint_names}
     assert both.replace(tip="a").joint_names == bus.joint_names
     assert sa.mount("z1", bus, name="c", joints="all").n == 14
