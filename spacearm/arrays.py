@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import singledispatch
 from numbers import Integral, Real
@@ -105,6 +105,17 @@ def whole(value: object, name: str, least: int) -> int:
     if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
         raise ConfigurationError(f"{name} is {value!r}; give a whole number from {least} on")
     return int(value)
+
+
+def generator(seed: int | Sequence[int]) -> np.random.Generator:
+    """Return the random numbers of a seed, or of several together.
+
+    Raises:
+        ConfigurationError: One is no whole number from 0 on.
+    """
+    for one in seed if isinstance(seed, Sequence) else [seed]:
+        whole(one, "seed", 0)
+    return np.random.default_rng(seed)
 
 
 def positive(value: object, name: str, what: str = "number") -> float:

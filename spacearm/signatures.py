@@ -247,6 +247,8 @@ def fits(value: object, hint: Hint) -> bool:
         return True
     if origin is tuple and isinstance(value, list | np.ndarray):
         value = tuple(value)
+    if isinstance(value, np.ndarray) and value.ndim and issubclass(list, origin):
+        value = list(value)
     many = issubclass(origin, Iterable) and origin is not str
     if not isinstance(value, origin) or (many and isinstance(value, str)):
         return False

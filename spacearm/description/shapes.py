@@ -124,15 +124,16 @@ class Shape(NamedTuple):
 
         Zero for meshes that would take long to read, or cannot be.
         """
-        match self.geometry:
-            case Mesh(_, Path() as file, scale) if (ends := mesh_bounds(file)) is not None:
-                local = ends[np.indices((2, 2, 2)).reshape(3, -1).T, range(3)] * scale
-                points = local @ self.pose.rotation.T + self.pose.translation
-            case Mesh():
-                return 0.0
-            case _:
-                points = self.points()
-        return float(np.linalg.norm(points, axis=1).max(initial=0.0))
+        with np.errstate(over="ignore", invalid="ignore"):  # of sizes that are checked in use
+            match self.geometry:
+                case Mesh(_, Path() as file, scale) if (ends := mesh_bounds(file)) is not None:
+                    local = ends[np.indices((2, 2, 2)).reshape(3, -1).T, range(3)] * scale
+                    points = local @ self.pose.rotation.T + self.pose.translation
+                case Mesh():
+                    return 0.0
+                case _:
+                    points = self.points()
+            return float(np.nan_to_num(np.linalg.norm(points, axis=1)).max(initial=0.0))
 
     def points(self) -> Array:
         """Return points (m, 3) in the link frame whose convex hull is the shape's [m].

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, finite, positive, whole, within_100
+from spacearm.arrays import Array, Progress, finite, generator, positive, whole, within_100
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.dynamics import inverse_dynamics
@@ -385,7 +385,7 @@ def size_wheels(
         return _of_motions(arm, given, progress)
     arm.require_one_tip()
     speed = positive(tip_speed, "tip_speed", "speed [m/s]")
-    Q = uniform(arm, True, whole(samples, "samples", 1), np.random.default_rng(seed))
+    Q = uniform(arm, True, whole(samples, "samples", 1), generator(seed))
     cfgs: list[Configuration] = []
     moved: list[Array] = []
     for i, cfg in enumerate(map(arm.at, Q)):

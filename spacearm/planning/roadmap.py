@@ -208,7 +208,8 @@ class Roadmap:
         """
         start = self.finder.start.q
         way = np.vstack((start, *([loop, start] if times == 1 else []), rest))
-        way = way[np.append(True, np.abs(np.diff(way, axis=0)).max(axis=1) > 0.0)]
+        kept = np.append(True, np.abs(np.diff(way, axis=0)).max(axis=1) > 0.0)
+        way = way[kept] if kept.sum() > 1 else way[[0, -1]]  # a goal where the start is
         while len(way) < 4:  # as many corners as the loop
             longest = int(np.abs(np.diff(way, axis=0)).max(axis=1).argmax())
             way = np.insert(way, longest + 1, way[longest : longest + 2].mean(axis=0), axis=0)

@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, plain
+from spacearm.arrays import NO_NUMBERS, Array, plain
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.polynomial.contraction import Index, T, contract, over_blocks, to_complex, to_real
 from spacearm.polynomial.univariate import Complex, Roots, distinct, line_roots, orders, real_roots
@@ -214,9 +214,19 @@ class TrigPolynomial(Described):
 
     def __call__(self, Q: npt.ArrayLike) -> Any:
         """Evaluate at (n,) or (m, n) angles: a float or (m,)."""
-        points = np.asarray(Q, dtype=np.float64)
+        points = self._angles(Q)
         values = self._along(np.atleast_2d(points), ())
         return float(values[0]) if points.ndim == 1 else values
+
+    def _angles(self, Q: npt.ArrayLike) -> Array:
+        """Return angles (n,) or (m, n), checked."""
+        try:
+            points = np.asarray(Q, dtype=np.float64)
+        except NO_NUMBERS:
+            points = np.empty(0)
+        if points.ndim not in (1, 2) or points.shape[-1] != self.n:
+            raise ConfigurationError(f"Q is {Q!r}; give (n,) or (m, n) angles [rad], n = {self.n}")
+        return points
 
     def along(self, Q: Array, keep: tuple[int, ...]) -> Complex:
         """Compute the coefficients that remain when all angles but those in `keep` are fixed.
@@ -325,7 +335,7 @@ class TrigPolynomial(Described):
 
     def gradient(self, Q: npt.ArrayLike) -> Array:
         """Compute the gradient at (n,) or (m, n) angles, of the same shape."""
-        points = np.asarray(Q, dtype=np.float64)
+        points = self._angles(Q)
         slopes = self._along(np.atleast_2d(points), (self.n,), of=self._slopes)
         return slopes[:, 0] if points.ndim == 1 else np.ascontiguousarray(slopes.T)
 
@@ -346,7 +356,9 @@ class TrigPolynomial(Described):
 
     def roots(self, q: npt.ArrayLike, j: int) -> Roots:
         """Find all real roots along angle j, the others as in q (n,)."""
-        line = self.along(np.asarray(q, dtype=np.float64)[None], (j,))[0]
+        if not 0 <= j < self.n:
+            raise ConfigurationError(f"j is {j}; give the number of an angle, 0 to {self.n - 1}")
+        line = self.along(self._angles(q)[None], (j,))[0]
         if np.abs(line).max() <= NOISE * self.scale:
             return Roots(np.empty(0), np.empty(0, dtype=int), True)
         angles, multiplicity = distinct(line_roots(line[None])[0])

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, named, numbers_of
+from spacearm.arrays import Array, Progress, finite, named, numbers_of
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
@@ -372,7 +372,10 @@ class SingularSet(Described, ABC):
         """
         if q1 is None:
             return self.clearance(q0, limits=limits, at_least=clearance)
-        ends = [joint_vector(self.arm, np.asarray(q), s) for q, s in ((q0, "q0"), (q1, "q1"))]
+        ends = [
+            joint_vector(self.arm, finite(q, (self.arm.n,), s), s)
+            for q, s in ((q0, "q0"), (q1, "q1"))
+        ]
         for q, name in zip(ends, ("q0", "q1"), strict=True):
             warn_outside(self.arm, q, name)
         return self.clearance(ends, limits=limits, at_least=clearance)

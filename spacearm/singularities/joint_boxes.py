@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, numbers_of, positive
+from spacearm.arrays import Array, Progress, finite, numbers_of, positive
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.files import write
 from spacearm.model.arguments import BaseMode, require_possible
@@ -293,12 +293,7 @@ def range_allowed(
     """
     low, high = arm.lower, arm.upper
     if within is not None:
-        given = np.asarray(within, dtype=np.float64)
-        if given.shape != (2, arm.n) or np.isnan(given).any():
-            raise ConfigurationError(
-                f"within has shape {given.shape}; give (lower, upper), {arm.n} numbers each"
-            )
-        low, high = given
+        low, high = finite(within, (2, arm.n), "within", "(lower, upper) [rad] or [m]")
     outside = (rows < low) | (rows > high)
     if outside.any():
         i, j = np.argwhere(outside)[0]

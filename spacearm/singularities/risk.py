@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, whole
+from spacearm.arrays import Array, Progress, generator, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arguments import FLOATING, require_possible
@@ -131,7 +131,7 @@ def risk_profile(
     edges = None if isinstance(bins, Integral) else _edges(bins)
     least = whole(bins, "bins", 1) if edges is None else 1
     samples = whole(samples, "samples", least)
-    Q = uniform(arm, limits, samples, np.random.default_rng(seed))
+    Q = uniform(arm, limits, samples, generator(seed))
     measure, bound, unit = _near(arm, sigma_min, distance)
     values = {name: np.full(samples, np.nan) for name in (measure, "radius")}
     stopped = False
@@ -259,7 +259,7 @@ def pose_risk(
             f"{poses} poses with {neighbours} neighbours out of {samples} samples; give no fewer "
             "samples than either"
         )
-    Q = uniform(arm, limits, samples, np.random.default_rng(seed))
+    Q = uniform(arm, limits, samples, generator(seed))
     measure, bound, unit = _near(arm, sigma_min, distance)
     value = evaluate(arm, Q, (measure,))[measure]
     at = reactions(arm, Q)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, whole
+from spacearm.arrays import Array, finite, generator, whole
 from spacearm.description.bodies import Inertial
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.model.arguments import FLOATING
@@ -127,7 +127,7 @@ class UncertainArm(Described):
 
     def sample(self, m: int, rng: np.random.Generator) -> Array:
         """Return random shares (m, p), uniform where there is no distribution."""
-        shares = rng.uniform(size=(m, len(self.parameters)))
+        shares = rng.uniform(size=(whole(m, "m", 0), len(self.parameters)))
         for column, p in zip(shares.T, self.parameters, strict=True):
             if p.law is not None:
                 values = p.law.ppf(TAIL + (1.0 - 2.0 * TAIL) * column)
@@ -136,7 +136,7 @@ class UncertainArm(Described):
 
     def tried(self, samples: int, seed: int, corners: int) -> Array:
         """Return random shares, and all corners where there are at most so many parameters."""
-        shares = self.sample(whole(samples, "samples", 1), np.random.default_rng(seed))
+        shares = self.sample(whole(samples, "samples", 1), generator(seed))
         few = len(self.parameters) <= corners
         return np.vstack((shares, self.corners())) if few else shares
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Progress, named
+from spacearm.arrays import NO_NUMBERS, Progress, named, whole
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -181,10 +181,14 @@ def workspaces(
     """
     import xarray as xr
 
-    axes = {name: np.atleast_1d(np.asarray(v, float)) for name, v in parameters.items()}
+    try:
+        axes = {name: np.atleast_1d(np.asarray(v, float)) for name, v in parameters.items()}
+    except NO_NUMBERS:
+        axes = {}
+    whole(risk_bins, "risk_bins", 0)
     if not axes or any(values.size == 0 or values.ndim != 1 for values in axes.values()):
         raise ConfigurationError(
-            f"parameters are {dict(parameters)!r}; give values for one or more"
+            f"parameters are {dict(parameters)!r}; give numbers for one or more"
         )
     if risk_bins and mode != "free-floating":
         raise UnsupportedError(

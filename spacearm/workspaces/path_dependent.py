@@ -19,9 +19,9 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, plain, shape_of, whole
+from spacearm.arrays import Array, finite, generator, plain, shape_of, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
-from spacearm.model.arguments import BaseMode
+from spacearm.model.arguments import FLOATING, BaseMode, require_possible
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.newton import meeting
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
@@ -396,9 +396,10 @@ def workspace(
                [1.4362, 2.2872]])
     """
     effort = whole(effort, "effort", 1)
+    require_possible(arm, FLOATING)
     check_shells(arm)
     found = exact_set(arm, mode)
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     box = Box.of(arm.lower, arm.upper, limits)
     points = rng.uniform(box.low, box.high, (4096, arm.n))
     small = arm.n <= MOST_CERTIFIED and found.codimension == 1

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, named
 from spacearm.errors import UnsupportedError
-from spacearm.model.arguments import FLOATING, BaseMode, require_possible
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.branch_and_bound import enclose
 from spacearm.polynomial.level_set import connected
@@ -74,10 +74,8 @@ def check_shells(arm: SpaceArm) -> None:
     """Refuse arms that have no shells.
 
     Raises:
-        UnsupportedError: The arm can never do its task, or its singular set is not given by
-            polynomials; says why.
+        UnsupportedError: Its singular set is not given by polynomials; says why.
     """
-    require_possible(arm, FLOATING)
     whole_pose = arm.task.k == (3 if arm.tree.plane_normal() is not None else 6)
     if arm.slides.any() or arm.coupling is not None or not whole_pose:
         check_square(arm, SO)

@@ -275,6 +275,7 @@ MESHES |= {
         ("broken.glb", "1 1 1", "'broken.glb' cannot be read"),
     ],
 )
+@pytest.mark.filterwarnings("ignore:.*shapes of 'hull' reach")
 def test_meshes_without_a_hull_are_named(tmp_path, name, scale, message):
     (tmp_path / name).write_text(MESHES[name])
     if name == "box.stl":

@@ -287,7 +287,7 @@ def test_of_spatial_arms_share_ball_and_best_attitude(spatial):
     assert 0.0 < found.share < 1.0
     run = found.motion()
     assert run.arrived
-    least = min(run.distance.min(), np.pi)  # farther, to first order, counts as pi
+    least = min(np.pi, *(sa.singularity(cfg).distance for cfg in run))  # to first order, up to pi
     assert least == pytest.approx(found.distance[found.best], abs=2e-3)
     within = np.flatnonzero(np.isfinite(found.q[:, 0]) & (found.slack > 0.0))
     for i in np.random.default_rng(1).choice(within, 4):

@@ -75,7 +75,9 @@ def test_every_arm_mounts_answers_and_is_drawn_with_its_own_meshes(name):
     arm = sa.mount(name, SERVICER, at=ON_TOP)
     report = sa.singularity(arm.at(np.full(arm.n, 0.3)))
     assert report.kind == "regular"
-    assert (arm.n, arm.tip) == (len(report.gradient), name)
+    assert arm.n == len(report.gradient)
+    assert arm.tip.startswith(f"{name}_")
+    assert name in arm.tree.links
     same(arm, rewritten(arm))
     drawn = shapes(arm)
     kinds = [(shape.link, type(shape.geometry).__name__) for shape in drawn]

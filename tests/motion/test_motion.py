@@ -290,7 +290,7 @@ def test_controllers_as_plain_data(law, expected):
 def test_bad_motions_are_refused(change, message):
     with pytest.raises(sa.ConfigurationError, match=message):
         sa.Motion.of(SimpleNamespace(**{**vars(two_samples()), **change}))
-    with pytest.raises(sa.ConfigurationError, match="a dict cannot be played"):
+    with pytest.raises(sa.ConfigurationError, match="cannot be played; give a motion"):
         sa.Motion.of({})
 
 
