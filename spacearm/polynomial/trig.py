@@ -355,7 +355,11 @@ class TrigPolynomial(Described):
         return orders(self.degrees[j]).reshape(shape)
 
     def roots(self, q: npt.ArrayLike, j: int) -> Roots:
-        """Find all real roots along angle j, the others as in q (n,)."""
+        """Find all real roots along angle j, the others as in q (n,).
+
+        Raises:
+            ConfigurationError: There is no such angle, or q are no angles.
+        """
         if not 0 <= j < self.n:
             raise ConfigurationError(f"j is {j}; give the number of an angle, 0 to {self.n - 1}")
         line = self.along(self._angles(q)[None], (j,))[0]

@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, finite, numbers_of, positive
+from spacearm.arrays import Array, Progress, numbers_of, positive, shape_of
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.files import write
 from spacearm.model.arguments import BaseMode, require_possible
@@ -293,7 +293,13 @@ def range_allowed(
     """
     low, high = arm.lower, arm.upper
     if within is not None:
-        low, high = finite(within, (2, arm.n), "within", "(lower, upper) [rad] or [m]")
+        whole = shape_of(within) == (2, arm.n)  # infinite ends are allowed
+        given = np.asarray(within if whole else np.nan, dtype=np.float64)
+        if np.isnan(given).any():
+            raise ConfigurationError(
+                f"within is {within!r}; give (lower, upper), {arm.n} numbers each"
+            )
+        low, high = given
     outside = (rows < low) | (rows > high)
     if outside.any():
         i, j = np.argwhere(outside)[0]

@@ -210,7 +210,7 @@ def test_a_motion_plays(to_c):
     [
         (A, [(1.0, 0.0, 0.0)], {}, "2 finite numbers"),
         (A, [], {}, "give corners"),
-        (A, 3.0, {}, "give corners"),
+        (A, 3.0, {}, "path is 3.0; give a list"),
         (A, (1.0, 0.0), {}, r"give corners \(one: \[goal\]\)"),
         (A, lambda s: (s, 0.0), {}, "length is None"),
         (A, [(1.0, 0.0)], {"length": 1.0}, "polyline"),

@@ -205,7 +205,7 @@ def test_roots_along_many_lines_are_those_along_each(degree):
 
 def test_bad_shapes_are_named():
     f = random_polynomial(0, [1, 2])
-    with pytest.raises(sa.ConfigurationError, match=r"give \(m, 2\)"):
+    with pytest.raises(sa.ConfigurationError, match=r"give \(n,\) or \(m, n\) angles"):
         f(np.zeros((4, 3)))
     with pytest.raises(sa.ConfigurationError, match="give 2 numbers of points"):
         f.grid((4,))
