@@ -31,6 +31,12 @@ def reactions(xp: Any, tree: Structure, p: Parameters, q: Any) -> tuple[Any, Any
     return J, connection_at(xp, tree, at), at.tip_positions[0], at.tip_rotations[0]
 
 
+def momenta(xp: Any, tree: Structure, p: Parameters, q: Any) -> tuple[Any, Any]:
+    """Compute D (3, 3) and D_q (3, n) of the angular momentum D w_0 + D_q dq about the CM."""
+    at = posture(xp, tree, p, q)
+    return at.D, xp.stack([at.P[:, 3 + axis] @ tree.gains for axis in range(3)])
+
+
 def turn(xp: Any, tree: Structure, p: Parameters, q: Any, dq: Any, h: Any) -> Any:
     """Compute the turn (3, 3) of the spacecraft in an interval.
 

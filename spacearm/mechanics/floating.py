@@ -149,6 +149,13 @@ def reactions(arm: SpaceArm, Q: Array) -> Reactions:
     return Reactions(*kernel({"q": Q}))
 
 
+def momenta(arm: SpaceArm, Q: Array) -> tuple[Array, Array]:
+    """Compute D (m, 3, 3) and D_q (m, 3, n) of `turns.momenta` at Q (m, n), spacecraft axes."""
+    kernel = ArmKernel([arm], "free-floating", turns.momenta, rows=len(Q))
+    D, D_q = kernel({"q": Q})
+    return np.asarray(D), np.asarray(D_q)
+
+
 def turns_of_spacecraft(arm: SpaceArm, Q: Array, rates: Array, h: Array) -> Array:
     """Compute the turns (m, 3, 3) of the spacecraft in intervals without momentum.
 

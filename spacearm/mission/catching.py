@@ -38,7 +38,6 @@ from spacearm.mechanics.dynamics import (
 )
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.model.joints import joint_scales
 from spacearm.motion.controllers import Tracking
 from spacearm.motion.flights import Flight, Grasp, Phase, simulate_phases
 from spacearm.motion.following import Followed, follow
@@ -48,6 +47,7 @@ from spacearm.motion.plant import Integration, Plant
 from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Plan
+from spacearm.planning.timing import eased
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle
@@ -59,8 +59,6 @@ PROVEN = math.radians(20.0)
 """Distance to the singular set that is proven at most [rad]."""
 SHARES = (2.0, 6.0, 20.0)
 """Time that is given to each contact on the first, the second and the third pass [s]."""
-BEND = 0.005
-"""Distance of rows from straight lines that stand for them in the proof [rad]."""
 BRAKES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 """Durations of the braking that are tried [s]."""
 STEPS = 60
@@ -185,20 +183,10 @@ class Catch(Result):
             SpaceArmError: As `simulate_phases` raises.
         """
         target = actual or self.target
-        tip, held = self.chase[-1].tip, target.at(self.t)
-        R, com = tip.rotation, held.pose.act(target.com)
-        turned = R.T @ held.pose.rotation
-        grasp = Grasp(
-            mass=target.mass,
-            inertia=turned @ target.inertia @ turned.T,
-            com=R.T @ (com - tip.translation),
-            twist=np.concatenate(
-                (
-                    held.twist[:3] + np.cross(held.twist[3:], com - held.pose.translation),
-                    held.twist[3:],
-                )
-            ),
-        )
+        frame = target.at(self.t)
+        v, w = frame.twist[:3], frame.twist[3:]
+        twist = np.concatenate((v + np.cross(w, frame.pose.rotation @ target.com), w))
+        grasp = Grasp(**_in_hand(target, self.t, self.chase[-1].tip), twist=twist)
         begun = replace(self.plan, t=self.begin + self.plan.t)
         stages = (
             Phase(Tracking(begun), float(begun.t[-1]), plant=plant, integration=integration),
@@ -241,8 +229,8 @@ class Catch(Result):
             tone="good",
             notes=[self.plan.checked],
             tables=[Table.facts(facts), Table(columns, rows, "Tried")],
-            not_checked="sensors and forces of the contact itself; the turn of the stack while it "
-            "is braked against further bodies",
+            not_checked="sensors and forces of the contact itself; collisions while the arm is "
+            "braked with the target in its hand",
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -331,11 +319,8 @@ def catch(
     request = _Request.of(start, target, grapple, window, approach, closing, touching, constraints)
     begun = time.monotonic()
     ends = begun + search.timeout
-    tried, found, waiting = (
-        dict[tuple[float, str], Candidate](),
-        list[Catch](),
-        request.candidates(),
-    )
+    tried, found = dict[tuple[float, str], Candidate](), list[Catch]()
+    waiting = request.candidates()
     for number, share in enumerate(SHARES):
         again = list[tuple[float, str]]()
         for t, name in waiting:
@@ -403,8 +388,6 @@ class _Request:
     ) -> _Request:
         """Check what was given."""
         arm = start.arm
-        if not isinstance(target, Target):
-            raise ConfigurationError(f"target is a {type(target).__name__}; give a sa.Target")
         if start.momentum.any() or start.wheels.any():
             raise UnsupportedError(
                 "the start has momentum on board, and catches begin at zero momentum; "
@@ -436,6 +419,12 @@ class _Request:
         )  # fmt: skip
 
     @property
+    def efforts(self) -> Array:
+        """Largest torques (n,) of the joints [N m] or [N]."""
+        arm = self.start.arm
+        return np.array([arm.tree.joints[name].effort for name in arm.joint_names])
+
+    @property
     def duration(self) -> tuple[float, float]:
         """How long the tip takes up the target's motion, and how long it closes in [s]."""
         close = self.approach / self.closing
@@ -465,8 +454,8 @@ class _Request:
         join, close = self.duration
         clock = np.linspace(0.0, join + close, 2 * NODES + 1)
         begin = t - clock[-1]
-        joined = smooth_step(clock / join)
-        away = self.approach * (1.0 - smooth_step((clock - join) / close))
+        joined = eased(np.clip(clock / join, 0.0, 1.0))
+        away = self.approach * (1.0 - eased(np.clip((clock - join) / close, 0.0, 1.0)))
         frames = [self.target.at(begin + float(s), grapple).pose for s in clock]
         frames = [
             pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, -d]))
@@ -492,16 +481,19 @@ class _Request:
         )
         if not chase.arrived:
             raise NoSolutionError(f"on the way from the stand-off: {chase.reason}")
-        self._check_rates(chase)
+        most = self.constraints.joint_rates(self.start.arm)
+        self._check_loads("rate", np.abs(chase.dq).max(axis=0), most)
         way = joined(begin, reach, chase)
         self._check_contacts(way)
         proven = _proven(reach, chase)
         end, frame = chase[-1], target.at(t, grapple)
         v = generalized_velocity(end, chase.dq[-1])
-        held = self._holding(grapple, end, v)
+        stack = end.arm.grasp(**_in_hand(target, t, end.tip)).at(end.q, base=end.base)
+        held = stack.with_momentum(stack.A @ v)
         brake, strain = self._brake(held, chase.dq[-1])
-        torque = np.maximum(_torques(chase, chase.dq, chase.ddq, np.zeros(6)), strain)
-        self._check_torques(torque)
+        before = [_torques(one, one.dq, one.ddq, np.zeros(6)) for one in (reach, chase)]
+        torque = np.maximum.reduce([*before, strain])
+        self._check_loads("torque", torque, self.efforts)
         off = end.tip.actInv(frame.pose)
         return Catch(
             target=target,
@@ -537,30 +529,13 @@ class _Request:
         """Return the target as what must not be met by a motion that begins at a time."""
         return Obstacle.of_target(self.target, begin=begin, may_touch=self.touching)
 
-    def _holding(self, grapple: str, end: Configuration, v: Array) -> Configuration:
-        """Return the arm with the target in its hand at contact, with the momentum of both."""
-        target, frame = self.target, self.target.frame(grapple)
-        R = frame.rotation.T
-        com = R @ (target.com - frame.translation)
-        arm = end.arm.grasp(target.mass, R @ target.inertia @ R.T, com)
-        held = arm.at(end.q, base=end.base)
-        return held.with_momentum(held.A @ v)
-
-    def _check_rates(self, motion: Motion) -> None:
-        most = self.constraints.joint_rates(self.start.arm)
-        excess = np.abs(motion.dq).max(axis=0) / most
-        if (j := int(excess.argmax())) >= 0 and excess[j] > 1.0:
+    def _check_loads(self, what: str, loads: Array, most: Array) -> None:
+        """Refuse what is more than joints can, (n,) each."""
+        excess = loads / most
+        j = int(excess.argmax())
+        if excess[j] > 1.0:
             name = self.start.arm.joint_names[j]
-            raise NoSolutionError(f"joint {name!r} would need {excess[j]:.3g} times its rate")
-
-    def _check_torques(self, torque: Array) -> None:
-        arm = self.start.arm
-        most = np.array([arm.tree.joints[name].effort for name in arm.joint_names])
-        excess = torque / most
-        if (j := int(excess.argmax())) >= 0 and excess[j] > 1.0:
-            raise NoSolutionError(
-                f"joint {arm.joint_names[j]!r} would need {excess[j]:.3g} times its torque"
-            )
+            raise NoSolutionError(f"joint {name!r} would need {excess[j]:.3g} times its {what}")
 
     def _check_contacts(self, motion: Motion) -> None:
         if not self.constraints.collisions:
@@ -572,7 +547,6 @@ class _Request:
     def _brake(self, held: Configuration, dq: Array) -> tuple[Braking, Array]:
         """Return the first braking that keeps limits and torques, and its largest torques (n,)."""
         arm, momentum, why = held.arm, held.momentum, ""
-        most = np.array([arm.tree.joints[name].effort for name in arm.joint_names])
         for duration in BRAKES:
             s = np.linspace(0.0, 1.0, STEPS + 1)
             q = held.q + np.outer(duration * (s - s**3 + 0.5 * s**4), dq)
@@ -587,22 +561,28 @@ class _Request:
             if proof is not None and not proof.free:
                 why = f"braking in {duration:g} s leads through a singular posture"
                 break
-            if (torque <= most).all():
+            if (torque <= self.efforts).all():
                 return motion, torque
-            why = f"braking in {duration:g} s takes {(torque / most).max():.3g} times the torque"
+            most = float((torque / self.efforts).max())
+            why = f"braking in {duration:g} s takes {most:.3g} times the torque"
         raise NoSolutionError(f"with {self.target.name} in the hand, {why}")
-
-
-def smooth_step(s: Array) -> Array:
-    """Return 0 up to s = 0, 1 from s = 1 on, and 10 s^3 - 15 s^4 + 6 s^5 between."""
-    s = np.clip(s, 0.0, 1.0)
-    return np.asarray(s**3 * (10.0 + s * (6.0 * s - 15.0)))
 
 
 def _between(a: pin.SE3, b: pin.SE3, s: float) -> pin.SE3:
     """Return a pose between two: the straight line of its origin, the shortest turn."""
     R = a.rotation @ pin.exp3(s * pin.log3(a.rotation.T @ b.rotation))
     return pin.SE3(R, (1.0 - s) * a.translation + s * b.translation)
+
+
+def _in_hand(target: Target, t: float, tip: pin.SE3) -> dict[str, Any]:
+    """Return mass, inertia and CM of a target at a time, in the axes of the tip, for a grasp."""
+    seen = tip.actInv(target.at(t).pose)
+    R = seen.rotation
+    return {
+        "mass": target.mass,
+        "inertia": R @ target.inertia @ R.T,
+        "com": seen.act(target.com),
+    }
 
 
 def joined(begin: float, reach: Motion, chase: Motion) -> Motion:
@@ -621,34 +601,12 @@ def _proven(*motions: Motion) -> float:
     Raises:
         NoSolutionError: It is not proven that they meet no singularity.
     """
-    arm = motions[0].arm
-    singular, unit = singular_set(arm), joint_scales(arm)
-    least = PROVEN
+    singular, least = singular_set(motions[0].arm), PROVEN
     for motion in motions:
-        rows = _chords(motion.q / unit, BEND) * unit
-        least = min(least, singular.clearance(rows, at_least=least + BEND).clearance - BEND)
+        least = min(least, singular.clearance(motion, at_least=least).clearance)
         if least <= 0.0:
             raise NoSolutionError("it is not proven that the way meets no singularity")
     return least
-
-
-def _chords(q: Array, within: float) -> Array:
-    """Return some of the rows (m, n) whose straight lines all the others are near to."""
-    kept, last = [0], 1
-    while kept[-1] < len(q) - 1:
-        first = kept[-1]
-        while last < len(q) - 1 and _sag(q[first : last + 2]) <= within:
-            last += 1
-        kept.append(last)
-        last += 1
-    return q[kept]
-
-
-def _sag(q: Array) -> float:
-    """Return how far rows (m, n) are from the straight line from the first to the last."""
-    chord, inner = q[-1] - q[0], q[1:-1] - q[0]
-    share = np.clip(inner @ chord / max(float(chord @ chord), 1e-300), 0.0, 1.0)
-    return float(np.linalg.norm(inner - share[:, None] * chord, axis=1).max(initial=0.0))
 
 
 def _drifting(

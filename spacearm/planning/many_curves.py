@@ -25,9 +25,9 @@ from scipy.spatial.transform import Rotation
 from spacearm.arrays import Array
 from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.floating import Reactions, chained, reactions, turns_of_spacecraft
+from spacearm.mechanics.floating import Reactions, chained, momenta, reactions, turns_of_spacecraft
 from spacearm.mechanics.jacobian import plane_of_motion
-from spacearm.model.arm import Configuration, SpaceArm, kinematics
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.planning.timing import rest_to_rest_spline, smooth
 
 STRIDE = 0.5
@@ -359,9 +359,8 @@ def _turned(T: Array, t: Array, D: Array, taken: Array, h: Array) -> Array:
 
 def _matrices(arm: SpaceArm, Q: Array) -> tuple[Array, Array]:
     """Return D (..., 3, 3) and D_q (..., 3, n) at joint positions (..., n)."""
-    A = np.array([kinematics(arm, q, pin.SE3.Identity()).A[3:] for q in Q.reshape(-1, arm.n)])
-    A = A.reshape(*Q.shape[:-1], 3, 6 + arm.n)
-    return A[..., 3:6], A[..., 6:]
+    D, D_q = momenta(arm, Q.reshape(-1, arm.n))
+    return D.reshape(*Q.shape[:-1], 3, 3), D_q.reshape(*Q.shape[:-1], 3, arm.n)
 
 
 def _stages(x: Array) -> Array:

@@ -128,7 +128,10 @@ def told_by(folder):
     return told
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(
+    "command",
+    [pytest.param(c, marks=[pytest.mark.slow] * (c in ("catch", "detumble"))) for c in COMMANDS],
+)
 def test_every_field_stands_on_the_page_with_its_unit(command, told_by):
     page, told = documented(), told_by(command)
     missing = {(o, f) for o, f in told if f not in page.get(o, {})}

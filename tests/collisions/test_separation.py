@@ -400,6 +400,7 @@ def test_the_verdict_names_the_links_that_were_not_checked(arm):
     assert "NOT" not in whole.story
 
 
+@pytest.mark.slow
 def test_an_arm_of_too_many_shapes_is_refused_before_its_pairs_are_listed():
     """Their number grows as the square: 10^8 pairs of 20,000 shapes."""
     shape = '<visual><origin xyz="{} 0 0"/><geometry><sphere radius="0.1"/></geometry></visual>'

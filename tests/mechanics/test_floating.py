@@ -94,3 +94,16 @@ def test_motion_with_momentum_depends_on_time_and_is_refused():
     cfg = sa.load("planar2").at([0.3, -0.4], momentum=[0, 0, 0, 0, 0, 0.1])
     with pytest.raises(sa.UnsupportedError, match=r"momentum .* use sa.simulate"):
         sa.move(cfg, [0.5, 0.0])
+
+
+@pytest.mark.parametrize("name", ["planar2", "mda6", "dual_ur5"])
+def test_momenta_of_many_postures_are_those_of_pinocchio(name):
+    """D and D_q, compiled, against the centroidal momentum matrix, posture by posture."""
+    arm = sa.load(name)
+    Q = np.random.default_rng(0).normal(size=(20, arm.n))
+    D, D_q = reaction.momenta(arm, Q)
+    for q, inertia, joints in zip(Q, D, D_q, strict=True):
+        A_b, A_q = sa.momentum_matrix(arm.at(q))
+        wanted, size = (A_b[3:, 3:], A_q[3:]), np.abs(A_b[3:, 3:]).max()
+        np.testing.assert_allclose(inertia, wanted[0], rtol=0, atol=1e-13 * size)
+        np.testing.assert_allclose(joints, wanted[1], rtol=0, atol=1e-13 * size)

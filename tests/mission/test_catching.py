@@ -87,6 +87,7 @@ def test_in_flight_nothing_strikes_and_the_momentum_is_that_of_the_target(caught
     np.testing.assert_allclose(spin, caught.tumble, rtol=0, atol=1e-3 * np.linalg.norm(spin))
 
 
+@pytest.mark.slow
 def test_a_target_heavier_than_planned_is_caught_with_its_own_momentum(caught):
     """The plastic impact of the grasp takes the actual body; energy is lost, none is won."""
     start = caught.plan[0]

@@ -118,6 +118,7 @@ def test_wheels_and_wrenches_act_as_in_one_run():
         np.testing.assert_allclose(many["base"][i], one.base[-1], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_each_of_several_tips_has_its_law_and_laws_may_be_of_several_kinds():
     arm = sa.load("dual_ur5", tip=("left", "right"))
     start, still = arm.at(np.full(arm.n, 0.3)), np.full(arm.n, 0.4)

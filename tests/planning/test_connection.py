@@ -60,6 +60,7 @@ def test_redundant_arms_have_no_sides():
     assert sa.singular_set(arm).clearance(answer.path)
 
 
+@pytest.mark.slow
 def test_limits_and_singular_ends(arm):
     lower, upper = sa.load("mda6").lower, sa.load("mda6").upper
     mda6 = sa.load("mda6")

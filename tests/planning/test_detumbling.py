@@ -94,6 +94,7 @@ def test_a_spatial_spacecraft_comes_to_rest_at_the_attitude_stated(turned):
     assert_close(SKEW.T @ run.wheels[-1], expected.T @ turned.momentum[0, 3:], 1e-7)
 
 
+@pytest.mark.slow
 def test_momentum_stays_by_pinocchio_with_wheels_that_are_joints(turned):
     """The spacecraft's angular velocity is that of its recorded attitudes."""
     full = spatial(SKEW, mark="")
@@ -116,7 +117,7 @@ def test_momentum_stays_by_pinocchio_with_wheels_that_are_joints(turned):
         assert_close(h, turned.momentum[0], 2e-5)
 
 
-@pytest.mark.parametrize("which", ["found", "turned"])
+@pytest.mark.parametrize("which", ["found", pytest.param("turned", marks=pytest.mark.slow)])
 def test_wheels_keep_their_limits_at_every_instant(which, request):
     plan = request.getfixturevalue(which)
     spins, law = make_interp_spline(plan.t, plan.wheels, k=5), sa.Tracking(plan)
@@ -245,6 +246,7 @@ def test_an_obstacle_is_kept_off(arm, found):
     assert sa.collision_check(plan, far).apart
 
 
+@pytest.mark.slow
 def test_the_command_detumbles(tmp_path):
     model = tmp_path / "wheeled.urdf"
     model.write_text(with_wheels("planar2", (0, 0, 1)))

@@ -56,6 +56,7 @@ def test_the_plan_is_kept_with_its_momentum(arm, found, tmp_path):
     assert again.to_dict()["momentum"][0] == H.tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("total", [0.0, 0.5])
 def test_wheels_that_spin_on_count(total):
     """They hold 0.3 N m s: with nothing else on board the spacecraft turns the other way."""

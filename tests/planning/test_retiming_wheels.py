@@ -98,6 +98,7 @@ def test_a_simulation_with_wheels_that_hold_keeps_to_the_times():
     np.testing.assert_allclose(held, fast.wheels[:, 0], atol=0.02)
 
 
+@pytest.mark.slow
 def test_what_makes_no_sense_is_refused():
     arm = sa.load("planar2")
     floating = sa.plan(arm.at(Q0), GOAL)

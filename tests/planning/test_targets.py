@@ -20,6 +20,7 @@ def rods(axes):
     return load_text(robot(*parts), tip="tip", task="pose")
 
 
+@pytest.mark.slow
 def test_an_arm_with_joints_in_one_line_is_told_that_it_cannot_do_the_task():
     with pytest.raises(sa.NoSolutionError, match="no joint that moves the tip in some direction"):
         sa.plan(rods("xzxxxyx").at(np.full(7, 0.4)), sa.Joints(np.full(7, 0.5)))

@@ -165,6 +165,7 @@ def two_tips():
     return sa.singularity(arm.at(np.linspace(-1.0, 1.0, arm.n)))
 
 
+@pytest.mark.slow
 def test_every_result_has_a_figure_whose_labels_do_not_touch(results, monkeypatch):
     for what, (thing, panels) in results.items():
         drawn = plot(thing)
