@@ -121,7 +121,7 @@ class Catch(Result):
         place_error: Distance of the tip from the grapple frame at contact [m].
         turn_error: Angle between them [rad].
         twist_error: (6,) twist of the tip less that of the frame [m/s], [rad/s].
-        torque: (n,) largest torques on the way and while braking [N m] or [N].
+        torque: (n,) largest torques from the stand-off on and while braking [N m] or [N].
         momentum: (6,) momentum of arm and target together about the CM of both [kg m/s], [N m s].
         tried: All that was tried, in that order.
     """
@@ -229,8 +229,8 @@ class Catch(Result):
             tone="good",
             notes=[self.plan.checked],
             tables=[Table.facts(facts), Table(columns, rows, "Tried")],
-            not_checked="sensors and forces of the contact itself; collisions while the arm is "
-            "braked with the target in its hand",
+            not_checked="torques up to the stand-off; sensors and forces of the contact itself; "
+            "collisions while the arm is braked with the target in its hand",
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -491,8 +491,7 @@ class _Request:
         stack = end.arm.grasp(**_in_hand(target, t, end.tip)).at(end.q, base=end.base)
         held = stack.with_momentum(stack.A @ v)
         brake, strain = self._brake(held, chase.dq[-1])
-        before = [_torques(one, one.dq, one.ddq, np.zeros(6)) for one in (reach, chase)]
-        torque = np.maximum.reduce([*before, strain])
+        torque = np.maximum(_torques(chase, chase.dq, chase.ddq, np.zeros(6)), strain)
         self._check_loads("torque", torque, self.efforts)
         off = end.tip.actInv(frame.pose)
         return Catch(
