@@ -154,6 +154,7 @@ class Geometry:
         pairs: Iterable[tuple[int, int]],
     ) -> None:
         self._arm, self._model = arm, pin.GeometryModel()
+        self._spare: list[pin.GeometryData] = []  # making one takes longer than a distance
         for i, (joint, pose, solid) in enumerate(solids):
             self._model.addGeometryObject(pin.GeometryObject(f"{i}", joint, pose, solid))
         for pair in pairs:
@@ -174,7 +175,8 @@ class Geometry:
             base: (7,) pose of the spacecraft; any if None.
             placed: Inertial poses of solids that the arm does not carry, by their numbers.
         """
-        arm, geometry = self._arm, pin.GeometryData(self._model)
+        arm = self._arm
+        geometry = self._spare.pop() if self._spare else pin.GeometryData(self._model)
         data, full = arm.borrow(), pin.neutral(arm.model)
         full[7:] = joints
         if base is not None:
@@ -185,9 +187,9 @@ class Geometry:
         for i, pose in placed.items():
             geometry.oMg[i] = pose
         compute = pin.computeDistance
-        return np.array(
-            [compute(self._model, geometry, int(i)).min_distance for i in pairs], dtype=np.float64
-        )
+        found = [compute(self._model, geometry, int(i)).min_distance for i in pairs]
+        self._spare.append(geometry)
+        return np.array(found, dtype=np.float64)
 
 
 class OwnPairs(NamedTuple):
