@@ -10,6 +10,7 @@ that touch in every posture.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection, Iterable, Mapping
 from functools import lru_cache
 from itertools import combinations
@@ -176,7 +177,7 @@ class Geometry:
             placed: Inertial poses of solids that the arm does not carry, by their numbers.
         """
         arm = self._arm
-        geometry = self._spare.pop() if self._spare else pin.GeometryData(self._model)
+        geometry = self._spare.pop() if self._spare else self._data()
         data, full = arm.borrow(), pin.neutral(arm.model)
         full[7:] = joints
         if base is not None:
@@ -190,6 +191,15 @@ class Geometry:
         found = [compute(self._model, geometry, int(i)).min_distance for i in pairs]
         self._spare.append(geometry)
         return np.array(found, dtype=np.float64)
+
+    def _data(self) -> pin.GeometryData:
+        """Make a pin.GeometryData, whose distances do not depend on what was asked before."""
+        data = pin.GeometryData(self._model)
+        with warnings.catch_warnings():  # coal calls the only switch for this deprecated
+            warnings.simplefilter("ignore", DeprecationWarning)
+            for request in data.distanceRequests:
+                request.enable_cached_gjk_guess = False
+        return data
 
 
 class OwnPairs(NamedTuple):
