@@ -162,7 +162,7 @@ BAD = {
     "at zero momentum only": lambda start, goals: sa.plan(
         start.arm.at(Q0, momentum=[0, 0, 0, 0, 0, 1.0]), goals
     ),
-    "leave out method": lambda start, goals: sa.plan(
+    "unknown method 'cycles'": lambda start, goals: sa.plan(
         start, goals, search=sa.Search(method="cycles")
     ),
     "keep_attitude": lambda start, goals: sa.plan(

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from spacearm.arrays import Array
+from spacearm.errors import ConfigurationError, unknown
 from spacearm.planning.account import Attempts, SearchAccount
 from spacearm.planning.methods import METHODS
 from spacearm.planning.problem import Problem, Rows, recheck
@@ -28,6 +29,7 @@ def at_rest(request: PlanRequest) -> Plan:
     """Return a plan at zero momentum.
 
     Raises:
+        ConfigurationError: The method asked for is none of those that there are.
         NoSolutionError: None was found; carries the best attempt.
         StoppedError: Ctrl-C; carries the best attempt.
     """
@@ -43,10 +45,13 @@ def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]
     """Return the plan of the first method that gives one, in order; in rounds until the time is up.
 
     Raises:
+        ConfigurationError: Another method is asked for.
         NoSolutionError: None does; carries the best attempt.
         StoppedError: Ctrl-C; carries the best attempt.
     """
     account, asked = problem.account, problem.request.search.method
+    if asked not in ("auto", *methods):
+        raise ConfigurationError(unknown("method", asked, ("auto", *methods)))
     attempts = Attempts(account)
     for name in attempts.each(_in_rounds(methods, asked, account)):
         with attempts.at(name):
