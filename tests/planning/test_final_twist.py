@@ -98,7 +98,8 @@ def test_it_is_kept_in_the_file_and_not_timed_anew(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "momentum, twist", [([0.5, 0.2, 0, 0, 0, 0.5], (0.1, -0.05)), ([0, 0, 0, 0, 0, -0.3], (0, 0))]
+    ("momentum", "twist"),
+    [([0.5, 0.2, 0, 0, 0, 0.5], (0.1, -0.05)), ([0, 0, 0, 0, 0, -0.3], (0, 0))],
 )
 def test_with_momentum_the_drift_is_part_of_the_twist(momentum, twist):
     start = sa.load("planar2").at(PLANAR, momentum=momentum)
