@@ -91,6 +91,11 @@ class Identified(Result):
         return self.arm.grasp(self.mass, self.inertia, self.com)
 
     @property
+    def sizes(self) -> Array:
+        """(10,) sizes of the parameters: mass times powers of the radius of gyration at the tip."""
+        return _sizes(self.mass, _gyration(pin.Inertia(self.mass, self.com, self.inertia)))
+
+    @property
     def deviations(self) -> tuple[float, Array, Array]:
         """Standard deviations of mass [kg], CM (3,) [m] and principal moments (3,) [kg m^2].
 
@@ -104,7 +109,7 @@ class Identified(Result):
             about = _matrix(parameters) - m * (c @ c * np.eye(3) - np.outer(c, c))
             return np.concatenate(([m], c, np.einsum("ji,jk,ki->i", axes, about, axes)))
 
-        steps = 1e-6 * np.diag(_sizes(self.mass, _gyration(body)))
+        steps = 1e-6 * np.diag(self.sizes)
         rates = [(told(at + step) - told(at - step)) / (2.0 * step.max()) for step in steps]
         J = np.array(rates).T
         sd = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", J, self.covariance, J), 0.0))
