@@ -132,6 +132,8 @@ from spacearm.singularities.sets import FoundSet as FoundSet
 from spacearm.singularities.sets import singular_set as singular_set
 from spacearm.sweeps.runner import sweep as sweep
 from spacearm.sweeps.study import Study as Study
+from spacearm.uncertainty.identification import Identified as Identified
+from spacearm.uncertainty.identification import identify as identify
 from spacearm.uncertainty.intervals import UncertainArm as UncertainArm
 from spacearm.uncertainty.intervals import uncertain as uncertain
 from spacearm.uncertainty.robust import DistanceRange as DistanceRange

@@ -85,6 +85,12 @@ def flight():
     return sa.simulate_phases(arm().at([0.1, 0.2]), phases)
 
 
+def identified():
+    holding = arm().grasp(2.0, 0.1 * np.eye(3)).at([0.3, 1.2])
+    law, coarse = sa.JointPD([0.9, 0.4], kp=5.0, kd=9.0), sa.Integration(dt=0.1)
+    return sa.identify(sa.simulate(holding, law, 2.0, integration=coarse), arm())
+
+
 RESULTS = {
     "ArmInfo": lambda: sa.arms()[0],
     "Attempt": lambda: plan().tried[0],
@@ -111,6 +117,7 @@ RESULTS = {
     "FoundSet": lambda: sa.singular_set(sa.load("servicer_panda"), mode="fixed"),
     "FreeBox": lambda: sa.free_box(arm().at([0.3, 1.2])),
     "FreeBoxes": lambda: sa.free_boxes(arm(), share=0.5),
+    "Identified": identified,
     "JointPD": lambda: sa.JointPD(target=lambda t: [t, t], kp=5.0, kd=9.0),
     "Joints": lambda: sa.Joints([0.1, 0.2]),
     "ModelInfo": lambda: sa.catalogue()[0],

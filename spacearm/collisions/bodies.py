@@ -10,6 +10,7 @@ that touch in every posture.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection, Iterable, Mapping
 from functools import lru_cache
 from itertools import combinations
@@ -154,6 +155,7 @@ class Geometry:
         pairs: Iterable[tuple[int, int]],
     ) -> None:
         self._arm, self._model = arm, pin.GeometryModel()
+        self._spare: list[pin.GeometryData] = []  # making one takes longer than a distance
         for i, (joint, pose, solid) in enumerate(solids):
             self._model.addGeometryObject(pin.GeometryObject(f"{i}", joint, pose, solid))
         for pair in pairs:
@@ -174,7 +176,8 @@ class Geometry:
             base: (7,) pose of the spacecraft; any if None.
             placed: Inertial poses of solids that the arm does not carry, by their numbers.
         """
-        arm, geometry = self._arm, pin.GeometryData(self._model)
+        arm = self._arm
+        geometry = self._spare.pop() if self._spare else self._data()
         data, full = arm.borrow(), pin.neutral(arm.model)
         full[7:] = joints
         if base is not None:
@@ -185,9 +188,18 @@ class Geometry:
         for i, pose in placed.items():
             geometry.oMg[i] = pose
         compute = pin.computeDistance
-        return np.array(
-            [compute(self._model, geometry, int(i)).min_distance for i in pairs], dtype=np.float64
-        )
+        found = [compute(self._model, geometry, int(i)).min_distance for i in pairs]
+        self._spare.append(geometry)
+        return np.array(found, dtype=np.float64)
+
+    def _data(self) -> pin.GeometryData:
+        """Make a pin.GeometryData, whose distances do not depend on what was asked before."""
+        data = pin.GeometryData(self._model)
+        with warnings.catch_warnings():  # coal calls the only switch for this deprecated
+            warnings.simplefilter("ignore", DeprecationWarning)
+            for request in data.distanceRequests:
+                request.enable_cached_gjk_guess = False
+        return data
 
 
 class OwnPairs(NamedTuple):

@@ -28,7 +28,7 @@ from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import Reactions, chained, momenta, reactions, turns_of_spacecraft
 from spacearm.mechanics.jacobian import plane_of_motion
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.planning.timing import rest_to_rest_spline, smooth
+from spacearm.planning.timing import flown_spline, smooth
 
 STRIDE = 0.5
 """Largest joint motion of one step of Newton's method [rad] or [m]."""
@@ -39,6 +39,9 @@ DONE = 1e-10
 OPPOSITE = -0.9
 """Cosine of the angle beyond which the sine of a rotation does not tell its axis."""
 
+PART, PICARD, SETTLED = 0.5, 50, 1e-14
+"""Drift of the spacecraft over which attitudes are iterated at once [rad]; iterations, at most;
+change of a rotation matrix that counts as none."""
 FINE, FEWEST = 0.0025, 3200
 """Largest motion of a joint, and turn by the momentum, in one step of the integration [rad] or [m];
 least number of all steps."""
@@ -46,6 +49,8 @@ SHAPES = 2
 """Waves 1 - cos(2 pi k s) of each joint by which rows are bent, s the share of their way."""
 BENT = 1e-4
 """Height of a wave by which the end is differentiated [rad] or [m]."""
+COARSE = 0.1
+"""Share of the steps that take part in these differences."""
 TURNED = 1e-9
 """Error of the attitude at the end that counts as none [rad]."""
 STEPS = 8
@@ -237,26 +242,28 @@ class FlownRows:
         t: (m,) times [s].
         q: (m, n) joint positions.
         wheels: (m, w) what the wheels hold [N m s].
+        final_rates: (n,) joint rates at the end [rad/s] or [m/s].
     """
 
     start: Configuration
     t: Array
     q: Array
     wheels: Array
+    final_rates: Array
 
-    def attitudes(self, parts: int = 1) -> Array:
+    def attitudes(self, parts: float = 1.0) -> Array:
         """Return the attitudes (m, 3, 3) of the spacecraft at the rows, by steps of fourth order.
 
         Args:
             parts: Into how many parts the steps of `FINE` and `FEWEST` are divided.
         """
         start, t, h = self.start, self.t, self.start.momentum[3:]
-        steps = parts * self._steps
+        steps = self._steps(parts)
         at_rows = np.append(0, np.cumsum(steps))
         length = np.repeat(np.diff(t) / steps, steps)
         number = np.arange(at_rows[-1]) - np.repeat(at_rows[:-1], steps)
         begin = np.repeat(t[:-1], steps) + number * length
-        T, q = start.base.rotation, rest_to_rest_spline(t, self.q)
+        T, q = start.base.rotation, flown_spline(t, self.q, self.final_rates)
         if not h.any() and not self.wheels.any():
             at = begin[:, None] + GAUSS * length[:, None]
             turns = chained(turns_of_spacecraft(start.arm, q(at), q(at, 1), length))
@@ -295,14 +302,17 @@ class FlownRows:
         bends = np.eye(arm.n)[far | ~far.any()]
         shapes = np.einsum("ms,jn->sjmn", np.hstack(waves), bends).reshape(-1, *q.shape)
 
-        def left(rows: FlownRows) -> Array:
-            T = rows.attitudes(parts=2)
+        def left(rows: FlownRows, parts: float = 2.0) -> Array:
+            T = rows.attitudes(parts)
             return np.concatenate([pin.log3(wanted[i].T @ T[i]) for i in stops])
 
         rows, miss = self, left(self)
         if np.linalg.norm(miss) <= TURNED:
             return rows
-        slope = [(left(replace(self, q=q + BENT * shape)) - miss) / BENT for shape in shapes]
+        begun = left(self, COARSE)
+        slope = [
+            (left(replace(self, q=q + BENT * shape), COARSE) - begun) / BENT for shape in shapes
+        ]
         for _ in range(STEPS):
             height = np.linalg.lstsq(np.column_stack(slope), miss, rcond=1e-6)[0]
             rows = replace(rows, q=rows.q - np.tensordot(height, shapes, axes=1))
@@ -312,20 +322,20 @@ class FlownRows:
         off = np.linalg.norm(miss)
         raise NoSolutionError(f"flown as a spline through its rows the motion ends {off:.1e} off")
 
-    @property
-    def _steps(self) -> Indices:
-        """Steps (m - 1,) of the integration from row to row."""
+    def _steps(self, parts: float) -> Indices:
+        """Return the steps (m - 1,) of the integration from row to row."""
         dt = np.diff(self.t)
         spin = np.linalg.norm(np.linalg.solve(self.start.A[3:, 3:6], self.start.momentum[3:]))
         turned = np.maximum(np.abs(np.diff(self.q, axis=0)).max(axis=1), spin * dt)
-        return np.ceil(np.maximum(turned / FINE, dt / self.t[-1] * FEWEST)).astype(int)
+        least = np.maximum(turned / FINE, dt / self.t[-1] * FEWEST)
+        return np.ceil(parts * least).astype(int)
 
 
 def _turned(T: Array, t: Array, D: Array, taken: Array, h: Array) -> Array:
     """Return the attitudes (p, m, 3, 3) of spacecraft with w_0 = D^-1 (T^T h - taken).
 
-    Celledoni, Marthinsen & Owren's commutator-free method of order 4, Future Gener. Comput. Syst.
-    19(3), 341-352 (2003), DOI 10.1016/S0167-739X(02)00161-9, with a step from row to row.
+    Magnus' series to fourth order, by Simpson's rule in each step from row to row. It takes the
+    attitudes themselves: Picard's iteration finds those of all steps of a part at once.
 
     Args:
         T: (3, 3) attitude at the start.
@@ -335,25 +345,25 @@ def _turned(T: Array, t: Array, D: Array, taken: Array, h: Array) -> Array:
         h: (3,) angular momentum about the system CM [N m s], inertial axes.
     """
     spins = np.linalg.inv(D) * np.diff(t)[:, None, None, None]
+    drift = np.cumsum(np.abs(spins @ h).max(axis=(0, 2, 3)))
     out = np.empty((len(D), len(t), 3, 3))
     out[:, 0] = T
-    for i in range(len(t) - 1):
-
-        def turn(R: Array, k: int, i: int = i) -> Array:
-            left = np.einsum("pkj,k->pj", R, h) - taken[:, i, k]
-            return np.einsum("pij,pj->pi", spins[:, i, k], left)
-
-        R = out[:, i]
-        k1 = turn(R, 0)
-        half = R @ _exp(0.5 * k1)
-        k2 = turn(half, 1)
-        k3 = turn(R @ _exp(0.5 * k2), 1)
-        k4 = turn(half @ _exp(k3 - 0.5 * k1), 2)
-        out[:, i + 1] = (
-            R
-            @ _exp((3.0 * k1 + 2.0 * (k2 + k3) - k4) / 12.0)
-            @ _exp((3.0 * k4 + 2.0 * (k2 + k3) - k1) / 12.0)
-        )
+    ends = np.flatnonzero(np.diff(drift // PART)) + 1
+    for first, last in pairwise([0, *ends, len(drift)]):
+        steps = slice(first, last)
+        out[:, first : last + 1] = out[:, first, None]
+        middle = out[:, steps].copy()
+        for _ in range(PICARD):
+            before = out[:, first + 1 : last + 1].copy()
+            at = np.stack((out[:, steps], middle, before), axis=2)
+            left = np.einsum("pmkij,i->pmkj", at, h) - taken[:, steps]
+            w1, w2, w3 = np.moveaxis((spins[:, steps] @ left[..., None])[..., 0], 2, 0)
+            half = (5.0 * w1 + 8.0 * w2 - w3) / 24.0 + np.cross(w1, w2) / 48.0
+            whole = (w1 + 4.0 * w2 + w3) / 6.0 + np.cross(w1, w3) / 12.0
+            out[:, first + 1 : last + 1] = out[:, first, None] @ chained(_exp(whole))
+            middle = out[:, steps] @ _exp(half)
+            if np.abs(out[:, first + 1 : last + 1] - before).max() < SETTLED:
+                break
     return out
 
 
@@ -369,5 +379,5 @@ def _stages(x: Array) -> Array:
 
 
 def _exp(w: Array) -> Array:
-    """Return the rotations (p, 3, 3) of rotation vectors (p, 3)."""
-    return Rotation.from_rotvec(w).as_matrix()
+    """Return the rotations (..., 3, 3) of rotation vectors (..., 3)."""
+    return Rotation.from_rotvec(w.reshape(-1, 3)).as_matrix().reshape(*w.shape, 3)
