@@ -91,7 +91,7 @@ FOLLOWED = ("origin", "mode", "speed", "at_rest", "limits")
 """Keys of a question about a path besides its start."""
 STOPPED = 3
 """Exit status where the tip cannot be led to the end."""
-PLAIN = ("duration", "mode", "origin")
+PLAIN = ("duration", "mode", "origin", "final_twist")
 """Arguments that are taken from a table as they are."""
 KEYS = ("start", "goal", "final_attitude", "duration", "origin", "constraints", "search")
 """Keys of the question that a plan and a detumbling have in common."""
@@ -208,11 +208,12 @@ plan_motion = _command(
     plan,
     """Plan a motion of the arm that leads the tip to a goal; Ctrl-C keeps the best attempt.
 
-    --with gives all that sa.plan takes: start, goal, via, final_attitude, duration, mode, origin,
-    constraints, search.
+    --with gives all that sa.plan takes: start, goal, via, final_attitude, final_twist, duration,
+    mode, origin, constraints, search.
     """,
     "via",
     "mode",
+    "final_twist",
 )
 detumble_motion = _command(
     detumble,

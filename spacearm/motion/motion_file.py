@@ -19,6 +19,7 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar, get_args, get_origin, ge
 import numpy as np
 import numpy.typing as npt
 
+from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.files import opened, write
 
@@ -56,7 +57,8 @@ class Layout(NamedTuple):
     Attributes:
         kind: Name of the class.
         quantities: The quantities over time.
-        details: The other fields and their types: `str`, `float` or `bool | None`.
+        details: The other fields and their types: `str`, `float`, `bool | None`, or `Array` for a
+            number for each joint.
         lists: The fields that are tuples of records, and the types of the records.
         by_link: The fields that hold six components at each time for links by name.
         wheels: Number of wheels.
@@ -113,7 +115,7 @@ def save(path: str | os.PathLike[str], motion: Any, layout: Layout) -> None:
     arrays |= {name: getattr(motion, name) for name in layout.quantities}
     for name, kind in layout.details.items():
         value = getattr(motion, name)
-        arrays[name] = np.array(value if kind in (str, float) else str(value))
+        arrays[name] = np.array(value if kind in (str, float, Array) else str(value))
     for name, record in layout.lists.items():
         items = getattr(motion, name)
         for i, (column, form) in enumerate(_forms(record, len(items), len(joints)).items()):
@@ -189,6 +191,8 @@ def values(arrays: Arrays, layout: Layout, n: int) -> dict[str, Any]:
     for name, kind in layout.details.items():
         if kind is float:
             found[name] = float(_array(arrays, name, ("f", ())))
+        elif kind == Array:
+            found[name] = _array(arrays, name, ("f", (n,)))
         elif kind is str:
             found[name] = word(arrays, name)
         elif (text := word(arrays, name)) in MAYBE:

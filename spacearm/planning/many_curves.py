@@ -28,7 +28,7 @@ from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import Reactions, chained, momenta, reactions, turns_of_spacecraft
 from spacearm.mechanics.jacobian import plane_of_motion
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.planning.timing import rest_to_rest_spline, smooth
+from spacearm.planning.timing import flown_spline, smooth
 
 STRIDE = 0.5
 """Largest joint motion of one step of Newton's method [rad] or [m]."""
@@ -242,12 +242,14 @@ class FlownRows:
         t: (m,) times [s].
         q: (m, n) joint positions.
         wheels: (m, w) what the wheels hold [N m s].
+        final_rates: (n,) joint rates at the end [rad/s] or [m/s].
     """
 
     start: Configuration
     t: Array
     q: Array
     wheels: Array
+    final_rates: Array
 
     def attitudes(self, parts: float = 1.0) -> Array:
         """Return the attitudes (m, 3, 3) of the spacecraft at the rows, by steps of fourth order.
@@ -261,7 +263,7 @@ class FlownRows:
         length = np.repeat(np.diff(t) / steps, steps)
         number = np.arange(at_rows[-1]) - np.repeat(at_rows[:-1], steps)
         begin = np.repeat(t[:-1], steps) + number * length
-        T, q = start.base.rotation, rest_to_rest_spline(t, self.q)
+        T, q = start.base.rotation, flown_spline(t, self.q, self.final_rates)
         if not h.any() and not self.wheels.any():
             at = begin[:, None] + GAUSS * length[:, None]
             turns = chained(turns_of_spacecraft(start.arm, q(at), q(at, 1), length))

@@ -40,7 +40,7 @@ from spacearm.mechanics.distance import linearise
 from spacearm.mechanics.floating import attitudes, chained, placed, turns_and_effects, walk
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
-from spacearm.motion.goal import goal_axes, twist_between
+from spacearm.motion.goal import goal_axes, goal_rows, twist_between
 from spacearm.planning.many_curves import Indices, turning_axes
 
 INTERVALS = 16
@@ -83,6 +83,8 @@ class Target(NamedTuple):
         clearance: Least distance to the singular set on the way [rad].
         lower: (n,) least joint positions.
         upper: (n,) largest.
+        tips: Poses of several tips at the end, in place of `tip`.
+        twist: (k,) twist of the tips at the end along the goal axes; None for at rest.
     """
 
     tip: pin.SE3 | None
@@ -91,9 +93,14 @@ class Target(NamedTuple):
     clearance: float
     lower: Array
     upper: Array
+    tips: tuple[pin.SE3, ...] = ()
+    twist: Array | None = None
 
     def missed(self, start: Configuration, end: Configuration) -> Array:
         """Return the difference between the target and the end of a motion from a start."""
+        if self.tips:
+            ways = [twist_between(*pair) for pair in zip(end.tips, self.tips, strict=True)]
+            return goal_rows(start, np.concatenate(ways))
         return self.residual(start, end.q, end.base.rotation, end.tip)
 
     def residual(self, start: Configuration, q: Array, T: Array, tip: pin.SE3) -> Array:

@@ -23,7 +23,7 @@ from spacearm.errors import (
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import Goal, Origin
-from spacearm.planning.request import Constraints, Joints, PlanRequest, Search
+from spacearm.planning.request import Constraints, FinalTwist, Joints, PlanRequest, Search
 from spacearm.planning.result import Connection, Plan
 from spacearm.signatures import checked
 from spacearm.singularities.sets import singular_set
@@ -36,6 +36,7 @@ def plan(
     *,
     via: Sequence[Goal | Joints] = (),
     final_attitude: npt.ArrayLike | pin.SE3 | float | None = None,
+    final_twist: FinalTwist | None = None,
     duration: float | None = None,
     mode: BaseMode = FLOATING,
     origin: Origin = "spacecraft",
@@ -46,7 +47,8 @@ def plan(
 
     With momentum the spacecraft drifts while the arm moves. Then plans at zero momentum, from an
     attitude turned by about the drift, and straight joint motions are bent until the tip arrives at
-    a stated time; it does not stay there. What the wheels of the start hold they keep.
+    a stated time; it does not stay there. So they are to arrive with a `final_twist`. What the
+    wheels of the start hold they keep.
 
     With `mode="attitude-controlled"` wheels hold the attitude: what each holds and gives is kept
     within its limits at every instant, as far as the duration allows. The wheels hold the angular
@@ -70,8 +72,12 @@ def plan(
             they turn sharply.
         final_attitude: (3, 3) attitude that the spacecraft shall have at the end, or a pose with
             it, or for planar arms an angle [rad].
+        final_twist: (k,) twist with which the tip arrives in the task's rows [m/s], [rad/s], along
+            the axes of points, the drift by the momentum included; at rest if None. Of several
+            tips by their names, those that are not named come to rest. What follows, as a
+            grasp or a `Phase`, begins with the joint rates `Plan.final_rates`.
         duration: When the motion ends [s]; if None as soon as the velocity limits and the wheels
-            allow, with momentum about so.
+            allow, with momentum or a twist about so.
         mode: What the spacecraft does: "free-floating", or "attitude-controlled".
         origin: Where the inertial frame has its origin: "spacecraft", as the start says, so that
             poses of `SpaceArm.at` are goals as they are; or "cm", the system CM at the start, as
@@ -105,7 +111,7 @@ def plan(
     if mode == FLOATING and constraints.wheels is not None:
         raise ConfigurationError(f"wheels hold no attitude while mode is {mode!r}; give {HELD!r}")
     request = PlanRequest.of(
-        start, goal, origin, constraints, search, tuple(via), final_attitude, duration
+        start, goal, origin, constraints, search, tuple(via), final_attitude, duration, final_twist
     )
     if mode == FLOATING:
         return _possible(request)
@@ -270,13 +276,13 @@ def _floating(request: PlanRequest) -> Plan:
     from spacearm.planning.strategies.legs import by_way_of_goals
     from spacearm.planning.strategies.several_tips import several_tips
 
-    if request.goals and request.moving:
-        raise UnsupportedError("several tips are led at zero momentum only; lead one")
-    if request.via and (request.moving or request.goals):
+    timed = request.moving or request.final_twist is not None
+    if request.via and (timed or request.goals):
         raise UnsupportedError(
-            "goals on the way (via) are for one tip at zero momentum; plan leg by leg"
+            "goals on the way (via) are for one tip at zero momentum that ends at rest; plan leg "
+            "by leg"
         )
-    if request.moving:
+    if timed:
         return Drift(request).plan()
     find = several_tips if request.goals else by_way_of_goals if request.via else at_rest
     found = find(request)

@@ -79,20 +79,23 @@ class Problem:
 
     @classmethod
     def of(cls, request: PlanRequest) -> Problem:
-        """Return the problem of leading one tip, or the joints, to a goal.
+        """Return the problem of leading tips, or the joints, to a goal.
 
         Raises:
             NoSolutionError: No motion can solve it; carries the best attempt.
         """
         cfg, goal, attitude = request.start, request.goal, request.final_attitude
         limits = request.constraints.limits
-        tip, q = None, None
+        tip, q, aims = None, None, request.aims
         try:
+            for name, aim in aims.items():
+                if far := out_of_reach(*aim):
+                    raise ImpossibleError(f"impossible, proven: {name}: {far}")
             lower, upper = bounds_of(cfg, limits)
             least, ample = clearance_of(cfg, request.constraints.clearance)
             if isinstance(goal, Joints):
                 q = joint_vector(cfg.arm, goal.q, "goal")
-            else:
+            elif not aims:
                 tip = _reachable(cfg, goal_pose(cfg, goal), limits)
             target = Target(
                 tip=tip,
@@ -101,6 +104,8 @@ class Problem:
                 clearance=least,
                 lower=lower,
                 upper=upper,
+                tips=tuple(pose for _, pose in aims.values()),
+                twist=request.final_twist,
             )
             if q is not None:
                 _check_joints(cfg, q, target)

@@ -37,7 +37,6 @@ from spacearm.model.arm import AT_REST, Configuration, SpaceArm
 from spacearm.model.wheels import axes_of
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.many_curves import turning_axes
-from spacearm.planning.timing import rest_to_rest_spline
 
 DERIVATIVES = 4
 """Of the joint positions that the bounds take."""
@@ -64,15 +63,14 @@ class Load(NamedTuple):
     beyond: Array
 
 
-def load_of(arm: SpaceArm, t: Array, q: Array) -> Load:
-    """Return the load of a motion from rest to rest, at as many times as `MARGIN` takes.
+def load_of(arm: SpaceArm, way: PPoly) -> Load:
+    """Return the load of a motion, at as many times as `MARGIN` takes.
 
     Args:
         arm: The arm.
-        t: (m,) times of the rows [s].
-        q: (m, n) joint positions.
+        way: Its joint positions (n,) over time, the knots at its rows.
     """
-    way = rest_to_rest_spline(t, q)
+    t = way.x
     largest = [np.linalg.norm(x, axis=1).max() for x in _loads_at(arm, way, t)]
     for parts in DIVIDED:
         at, beyond = _divided(arm, way, t, parts)

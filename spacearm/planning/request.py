@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Real
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Parameters, plain, positive, whole
+from spacearm.arrays import Array, Parameters, finite, plain, positive, whole
 from spacearm.collisions.obstacles import Obstacle, ObstacleLike, obstacles_of
 from spacearm.errors import ConfigurationError, listed, unknown
 from spacearm.model.arguments import require_possible
@@ -24,6 +24,8 @@ from spacearm.signatures import checked
 
 FARTHEST = 1.0
 """Largest clearance [rad]: the distance to the singular set is too rough beyond."""
+FinalTwist: TypeAlias = npt.ArrayLike | Mapping[str, npt.ArrayLike]
+"""The task's rows of a twist [m/s], [rad/s]; of several tips by their names."""
 
 
 @checked
@@ -143,6 +145,8 @@ class PlanRequest:
         goals: Where several tips shall come, by their names, in place of `goal`.
         via: Goals on the way.
         final_attitude: Attitude of the spacecraft at the end, as for `plan`.
+        final_twist: (k,) twist of the tip at the end in the task's rows, of several tips one after
+            the other; None for at rest.
         duration: When it ends [s]; None for as soon as it can.
         constraints: What must hold on the way.
         obstacles: The obstacles among them.
@@ -156,6 +160,7 @@ class PlanRequest:
     goals: Mapping[str, Goal] = field(default_factory=dict)
     via: tuple[Goal | Joints, ...] = ()
     final_attitude: npt.ArrayLike | pin.SE3 | float | None = None
+    final_twist: Array | None = None
     duration: float | None = None
     constraints: Constraints
     obstacles: tuple[Obstacle, ...] = ()
@@ -174,6 +179,7 @@ class PlanRequest:
         via: tuple[Goal | Joints, ...],
         final_attitude: npt.ArrayLike | pin.SE3 | float | None,
         duration: float | None,
+        final_twist: FinalTwist | None = None,
     ) -> PlanRequest:
         """Return what the arguments of `plan` ask for, checked.
 
@@ -190,12 +196,16 @@ class PlanRequest:
         if not goals:
             arm.require_one_tip()  # whose path the plan holds
         require_possible(arm, "free-floating")
+        twist = None if final_twist is None else _twist(arm, final_twist)
+        if twist is not None and not twist.any() and not start.momentum.any():
+            twist = None
         return cls(
             start=start,
             goal=goal,
             goals=goals,
             via=via,
             final_attitude=final_attitude,
+            final_twist=twist,
             duration=None if duration is None else positive(duration, "duration", "time [s]"),
             constraints=constraints,
             obstacles=obstacles_of(constraints.obstacles, arm),
@@ -209,6 +219,16 @@ class PlanRequest:
         return bool(self.start.momentum.any() or self.start.wheels.any())
 
     @property
+    def aims(self) -> dict[str, tuple[Configuration, pin.SE3]]:
+        """The start of each of several tips, of an arm with this tip alone, and its goal."""
+        cfg, aims = self.start, {}
+        for name in cfg.arm.tips if self.goals else ():
+            start = cfg.arm.replace(tip=name, joints=cfg.arm.joint_names).at(cfg.q, base=cfg.base)
+            start = start.centred(cfg.com)
+            aims[name] = start, goal_pose(start, self.goals[name])
+        return aims
+
+    @property
     def drift(self) -> Array:
         """(3,) velocity of the system CM [m/s]."""
         return self.start.momentum[:3] / self.start.arm.mass
@@ -219,12 +239,36 @@ class PlanRequest:
         The start has no momentum and the goal is moved back. Obstacles, which drift the other way
         there, are left out.
         """
-        arm, goal = self.start.arm, self.goal
+        arm, goal, back = self.start.arm, self.goal, pin.SE3(np.eye(3), -self.drift * duration)
         start = arm.at(self.start.q, base=self.start.base)
-        if not isinstance(goal, Joints):
-            pose = goal_pose(start, goal)
-            goal = pin.SE3(pose.rotation, pose.translation - self.drift * duration)
-        return replace(self, start=start, goal=goal, duration=None, obstacles=())
+        goals = {name: back * pose for name, (_, pose) in self.aims.items()}
+        if not isinstance(goal, Joints) and not goals:
+            goal = back * goal_pose(start, goal)
+        return replace(self, start=start, goal=goal, goals=goals, duration=None, obstacles=())
+
+
+def _twist(arm: SpaceArm, given: FinalTwist) -> Array:
+    """Return the twist at the end (k,) of all tips; tips that are not named come to rest.
+
+    Raises:
+        ConfigurationError: It has not a number for each row of the task, or a name is no tip.
+    """
+    if not isinstance(given, Mapping):
+        if len(arm.tips) > 1:
+            raise ConfigurationError(
+                f"final_twist is {given!r}; give one for each of the tips by name: "
+                f"{listed(arm.tips)}"
+            )
+        given = {arm.tips[0]: given}
+    for name in given:
+        if name not in arm.tips:
+            raise ConfigurationError(f"final_twist: {unknown('tip', name, arm.tips)}")
+    k = len(arm.task.rows)
+    meaning = f"[m/s] or [rad/s], one for each row of the task: {' '.join(arm.task.rows)}"
+    rest = np.zeros(k)
+    return np.concatenate(
+        [finite(given.get(name, rest), (k,), "final_twist", meaning) for name in arm.tips]
+    )
 
 
 def _with_tips(start: Configuration, tips: Collection[str]) -> Configuration:

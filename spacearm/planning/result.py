@@ -22,14 +22,14 @@ from spacearm.motion.motion_file import Quantity
 from spacearm.planning.many_curves import FlownRows
 from spacearm.planning.timing import (
     corners,
+    flown_spline,
     largest_rates,
-    rest_to_rest_spline,
     rest_to_rest_times,
     smooth,
 )
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.tubes import of_spline
-from spacearm.results import Cell, Description, Measure, Result, Table
+from spacearm.results import Cell, Description, Measure, Result, Table, joint_measures
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import payload_note
 from spacearm.singularities.nearest import NearestSingular, nearness
@@ -75,7 +75,7 @@ class ArrivalError(NamedTuple):
 @checked
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Plan(Motion):
-    """A motion of the joints from rest to rest, from `sa.plan`: a `Motion` with more to it.
+    """A motion of the joints from rest, from `sa.plan`: a `Motion` with more to it.
 
     `sa.Tracking` leads the joints through the rows along quintic splines, which arrive:
     `arrival_error` says how exactly. `nearest` and `certificate` are of these splines, rounding
@@ -95,6 +95,7 @@ class Plan(Motion):
         wheel_load: What the wheels hold and give at most while they hold the attitude, in one
             sentence, bounds between the rows included; empty where the spacecraft floats.
         obstacles: What was held off besides; the file of a plan does not hold them.
+        final_rates: (n,) joint rates at the end [rad/s] or [m/s], zero where the plan ends at rest.
     """
 
     QUANTITIES: ClassVar[Mapping[str, Quantity]] = {
@@ -112,6 +113,7 @@ class Plan(Motion):
     wheels: Array
     wheel_load: str = ""
     obstacles: tuple[Obstacle, ...] = field(default=(), metadata={"in_file": False})
+    final_rates: Array
 
     @classmethod
     def of_rows(
@@ -140,6 +142,7 @@ class Plan(Motion):
         unknown: dict[str, Any] = {"clearance": 0.0, "checked": FAILED, "apart": None, "tried": ()}
         wheels = np.zeros((len(rows), len(arm.wheels)))
         still = {"momentum": np.tile(momentum, (len(rows), 1)), "wheels": wheels}
+        still["final_rates"] = np.zeros(arm.n)
         return cls(arm=arm, method=method, t=t, **along, **(unknown | still | fields))
 
     def __getitem__(self, i: int) -> Configuration:
@@ -150,7 +153,7 @@ class Plan(Motion):
 
     @cached_property
     def dq(self) -> Array:
-        """(m, n) joint rates [rad/s] or [m/s], zero at both ends and at corners."""
+        """(m, n) joint rates [rad/s] or [m/s], zero at the start and at corners."""
         return self._rates(1)
 
     @cached_property
@@ -161,7 +164,7 @@ class Plan(Motion):
     @cached_property
     def spline(self) -> PPoly:
         """Joint positions (n,) over time as flown: quintic through the rows, at rest at corners."""
-        return rest_to_rest_spline(self.t, self.q)
+        return flown_spline(self.t, self.q, self.final_rates)
 
     @cached_property
     def wheel_spline(self) -> BSpline | None:
@@ -176,6 +179,8 @@ class Plan(Motion):
             return read_only(np.zeros_like(self.q))
         rates = self.spline(self.t, order)
         rates[corners(np.diff(self.q, axis=0))] = 0.0  # without rounding
+        if order == 1:
+            rates[-1] = self.final_rates
         return read_only(rates)
 
     @cached_property
@@ -190,7 +195,7 @@ class Plan(Motion):
 
     @property
     def _flown(self) -> FlownRows:
-        return FlownRows(self[0], self.t, self.q, self.wheels)
+        return FlownRows(self[0], self.t, self.q, self.wheels, self.final_rates)
 
     @property
     def length(self) -> float:
@@ -277,6 +282,11 @@ class Plan(Motion):
             "flown, the tip ends off by": Measure(self.arrival_error.tip, "m", ".1e"),
             "flown, the spacecraft ends off by": Measure(self.arrival_error.attitude, "rad", ".1e"),
         }
+        if self.final_rates.any():
+            ends = joint_measures(self.final_rates, self.arm.slides, "/s")
+            facts |= {
+                f"ends, {name} at": x for name, x in zip(self.arm.joint_names, ends, strict=True)
+            }
         wheels = [f"wheels: {self.wheel_load}"] if self.wheel_load else []
         tried = [(a.method, "arrives" if a.arrived else "fails", a.story) for a in self.tried]
         return replace(

@@ -233,8 +233,9 @@ def time_optimal(
 
     Raises:
         ConfigurationError: An argument does not make sense, or the motion stays where it is.
-        UnsupportedError: The plan has momentum that no wheels hold, toppra is not installed (pip
-            install 'spacearm[timing]'), or nothing limits the acceleration of a joint.
+        UnsupportedError: The plan ends with a twist, or has momentum that no wheels hold, toppra is
+            not installed (pip install 'spacearm[timing]'), or nothing limits the acceleration of a
+            joint.
         NoSolutionError: The smooth path breaks what the plan keeps; names it.
 
     Example:
@@ -246,6 +247,11 @@ def time_optimal(
     """
     if not 0.0 <= rise <= 1.0:
         raise ConfigurationError(f"rise is {rise!r}; give a share of the duration from 0 to 1")
+    if isinstance(motion, Plan) and motion.final_rates.any():
+        raise UnsupportedError(
+            "the plan ends with a twist of the tip, which another timing would change; give plan a "
+            "shorter duration"
+        )
     holds = _wheels(motion, wheels)
     if len(motion) < 2 or not np.ptp(motion.q, axis=0).any():
         raise ConfigurationError(f"{motion!r} stays where it is; there is nothing to time")
@@ -281,7 +287,7 @@ def _wheels(motion: Motion, hold: WheelHold | None) -> Wheels | None:
     if motion.momentum[0, :3].any():
         raise UnsupportedError("the system CM moves on, so that the plan depends on its times")
     found = Wheels.of(motion[0], hold)
-    found.slowdown(load_of(motion.arm, motion.t, motion.q))  # refuses wheels that are full
+    found.slowdown(load_of(motion.arm, motion.spline))  # refuses wheels that are full
     return found
 
 

@@ -42,27 +42,30 @@ def rest_to_rest_times(q: Array, rates: Array) -> Array:
     return t
 
 
-def rest_to_rest_spline(t: Array, q: Array) -> PPoly:
+def flown_spline(t: Array, q: Array, final_rates: Array) -> PPoly:
     """Return joint positions (n,) over time: quintic splines through rows, at rest at corners.
 
     Their rates and accelerations vanish at corners and at both ends, as those of the motions do
-    whose rows have these times.
+    whose rows have these times; but for the rates at the end.
 
     Args:
         t: (m,) times of the rows [s].
         q: (m, n) joint positions.
+        final_rates: (n,) rates at the end [rad/s] or [m/s].
     """
     pieces = []
     for first, last in pairwise(corners(np.diff(q, axis=0))):
-        rows = slice(first, last + 1)
-        pieces.append(_polynomials(smooth(t[rows], q[rows]), t[rows]))
+        rows, ends = slice(first, last + 1), last == len(q) - 1
+        spline = smooth(t[rows], q[rows], final_rates if ends else 0.0 * final_rates)
+        pieces.append(_polynomials(spline, t[rows]))
     return PPoly(np.concatenate(pieces, axis=1), t)
 
 
-def smooth(t: Array, values: Array) -> BSpline:
-    """Return the quintic spline through values (m, n) that begins and ends at rest."""
-    still: Any = [(order, np.zeros(values.shape[1])) for order in (1, 2)]  # stubs know no vectors
-    return make_interp_spline(t, values, k=5, bc_type=(still, still))
+def smooth(t: Array, values: Array, last: Array | float = 0.0) -> BSpline:
+    """Return the quintic spline through values (m, n) that begins at rest and ends with a rate."""
+    still = np.zeros(values.shape[1])
+    ends: Any = ([(1, still), (2, still)], [(1, still + last), (2, still)])  # stubs know no vectors
+    return make_interp_spline(t, values, k=5, bc_type=ends)
 
 
 def _polynomials(spline: BSpline, t: Array) -> Array:
@@ -110,6 +113,14 @@ def corners(step: Array) -> Array:
 def eased(u: Array) -> Array:
     """Return the shares (m,) of a way from rest to rest behind at shares of its time."""
     return u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
+
+
+def swing(u: Array) -> Array:
+    """Return a way (m,) there and back that ends with the rate 1, at shares of its time.
+
+    It begins at rest, goes back by 0.19, and ends without acceleration.
+    """
+    return u**3 * (-4.0 + 7.0 * u - 3.0 * u * u)
 
 
 def _times(share: Array) -> Array:

@@ -10,7 +10,6 @@ from scipy.interpolate import CubicSpline
 
 import spacearm as sa
 from spacearm.mechanics.dynamics import momentum_and_torque
-from spacearm.planning.timing import rest_to_rest_spline
 
 pytest.importorskip("toppra")
 
@@ -53,7 +52,7 @@ def test_it_is_faster_than_an_even_stretch_and_keeps_the_limits(case):
     np.testing.assert_allclose(fast.q[-1], plan.q[-1], atol=1e-12)
     np.testing.assert_array_equal(fast.momentum[0], plan.momentum[0])
     times = np.random.default_rng(0).uniform(0.0, fast.t[-1], 3000)
-    way, share = rest_to_rest_spline(fast.t, fast.q), np.linalg.pinv(axes.T)
+    way, share = fast.spline, np.linalg.pinv(axes.T)
     h, tau = momentum_and_torque(plan.arm, way(times), way(times, 1), way(times, 2))
     start = plan.wheels[0] if plan.arm.wheels else 0.0
     most, room = (0.5, 3.0) if wheels is None else (wheels.torque, wheels.capacity)
@@ -73,7 +72,7 @@ def test_with_room_for_momentum_alone_the_wheel_is_full_all_the_way():
     arm = load_text(with_wheels("planar2", (0, 0, 1)))
     plan = sa.plan(arm.at(Q0), GOAL, constraints=sa.Constraints(wheels=hold(capacity=0.2)), **HELD)
     fast = sa.time_optimal(plan, torque=1e6, rate=1e3, wheels=hold(capacity=0.2), rise=0.0)
-    way = rest_to_rest_spline(plan.t, plan.q)
+    way = plan.spline
     h, _ = momentum_and_torque(arm, plan.q, way(plan.t, 1), way(plan.t, 2))
     whole = float(CubicSpline(plan.t, np.abs(h[:, 2])).integrate(0.0, plan.t[-1]))
     assert 1.0 <= fast.t[-1] / (whole / 0.2) < 1.05

@@ -25,12 +25,12 @@ from spacearm.planning.reactions import ROOT, Wheels, load_of
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan
 from spacearm.planning.strategies.drift import stretched
-from spacearm.planning.timing import rest_to_rest_spline
+from spacearm.planning.timing import flown_spline
 
 BOUNDLESS = 1e9
 """Moment of inertia of a spacecraft that does not turn, over what the system has."""
 TRIES, SLACK, ROUND_UP = 4, 1.05, 1.0 + 1e-9
-"""Durations tried with a CM that moves, the room that the next has, and that for rounding."""
+"""Durations tried where the way depends on them, the room of the next, and that for rounding."""
 
 
 def attitude_held(request: PlanRequest, floating: Callable[[PlanRequest], Plan]) -> Plan:
@@ -48,7 +48,7 @@ def attitude_held(request: PlanRequest, floating: Callable[[PlanRequest], Plan])
         raise ConfigurationError("final_attitude is of no use: the attitude stays what it is")
     cfg, duration = request.start, request.duration
     wheels = Wheels.of(cfg, request.constraints.wheels)
-    drifts = bool(cfg.momentum[:3].any())
+    timed = bool(cfg.momentum[:3].any()) or request.final_twist is not None
     momentum = np.append(cfg.momentum[:3], np.zeros(3))
     start = boundless(cfg.arm).at(cfg.q, base=cfg.base, momentum=momentum)
     lasts, why = duration, ""
@@ -62,7 +62,7 @@ def attitude_held(request: PlanRequest, floating: Callable[[PlanRequest], Plan])
             raise NoSolutionError("; ".join(filter(None, (str(error), why))), best) from None
         if len(found) == 1:
             return _held(cfg, found, wheels)
-        slower, why = wheels.slowdown(load_of(cfg.arm, found.t, found.q))
+        slower, why = wheels.slowdown(load_of(cfg.arm, found.spline))
         needed = float(found.t[-1]) * slower
         if slower > 1.0 and duration is not None:
             raise NoSolutionError(
@@ -70,12 +70,13 @@ def attitude_held(request: PlanRequest, floating: Callable[[PlanRequest], Plan])
                 f"way takes {needed:.4g} s, {needed - duration:.4g} s more",
                 _held(cfg, found, wheels),
             )
-        if slower > 1.0 and not drifts:
+        if slower > 1.0 and not timed:
             found = stretched(found, needed * ROUND_UP, request.account)
-        if slower <= 1.0 or not drifts:
+        if slower <= 1.0 or not timed:
             plan = _held(cfg, found, wheels)
-            return replace(plan, wheel_load=wheels.story(load_of(plan.arm, plan.t, plan.q)))
-        lasts = SLACK * needed
+            return replace(plan, wheel_load=wheels.story(load_of(plan.arm, plan.spline)))
+        slower = slower**2 if request.final_twist is not None else slower  # as 1 / t: rates stay
+        lasts = SLACK * float(found.t[-1]) * slower
     raise NoSolutionError(
         f"{cfg.arm.name}: {why} along each of the {TRIES} ways found; give a longer duration",
         _held(cfg, found, wheels),
@@ -102,13 +103,14 @@ def slowed(arm: SpaceArm, t: Array, q: Array, wheels: Wheels) -> dict[str, Any]:
         q: (m, n) joint positions.
         wheels: The wheels.
     """
-    slower, _ = wheels.slowdown(load_of(arm, t, q))
+    still = np.zeros(arm.n)
+    slower, _ = wheels.slowdown(load_of(arm, flown_spline(t, q, still)))
     if slower > 1.0:
         t = t * slower * ROUND_UP
-    way = rest_to_rest_spline(t, q)
+    way = flown_spline(t, q, still)
     moving, _ = momentum_and_torque(arm, q, way(t, 1), way(t, 2))
     spins = wheels.momenta(moving)[:, : len(arm.wheels)]
-    return {"t": t, "wheels": spins, "wheel_load": wheels.story(load_of(arm, t, q))}
+    return {"t": t, "wheels": spins, "wheel_load": wheels.story(load_of(arm, way))}
 
 
 def _held(cfg: Configuration, found: Plan, wheels: Wheels) -> Plan:

@@ -180,7 +180,7 @@ class Detumbling:
         """
         u, rows = landing.rows(motion)
         t, wheels = motion.duration * u, motion.at(u)[:, self.start.arm.n :]
-        found = timed(self.request, problem, METHOD, rows, t, wheels)
+        found = timed(self.request, problem, METHOD, rows, t, wheels, np.zeros(len(problem.rates)))
         self.best = found = landed(replace(found, wheel_load=landing.bounds.load(motion)))
         problem.check([*found])
         return recheck(problem.arrived(found, self.attempts.failed), self.account)

@@ -1,8 +1,9 @@
-"""Drift: a plan for a spacecraft with momentum, at whose end the tip passes its goal.
+"""Drift: a plan for a spacecraft with momentum, or to a twist, at whose end tips pass their goals.
 
-Unknowns are the heights of waves, and of a ramp that moves the end, that are added to a joint
-motion; the attitude follows from D w_0 = T^T h - s - D_q dq, s what the wheels hold. Equations: the
-goal, at a stated time, solved by Newton's method. Bounds are checked afterwards.
+Unknowns are the heights of waves, of a ramp that moves the end, and of a swing that ends with a
+rate, that are added to a joint motion; the attitude follows from D w_0 = T^T h - s - D_q dq, s what
+the wheels hold. Equations: the goal, at a stated time, and the twist there, A_b v_b = h - s - A_q
+dq and v = J_b v_b + J_q dq, solved by Newton's method. Bounds are checked afterwards.
 
 With angular momentum h and the joints locked the spacecraft would turn by about D^-1 h t in a time
 t. So the search begins with a plan at zero momentum that starts from an attitude turned by as much,
@@ -23,10 +24,11 @@ from spacearm.arrays import Array
 from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.dynamics import generalized_velocity
 from spacearm.mechanics.floating import placed
-from spacearm.mechanics.jacobian import base_velocity
+from spacearm.mechanics.jacobian import base_velocity, generalized_jacobian
 from spacearm.model.arm import Configuration
-from spacearm.motion.goal import goal_axes
+from spacearm.motion.goal import goal_axes, goal_rows
 from spacearm.planning.account import Attempts, SearchAccount
 from spacearm.planning.many_curves import (
     Indices,
@@ -39,7 +41,8 @@ from spacearm.planning.problem import Problem, Rows, recheck
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.at_rest import at_rest
-from spacearm.planning.timing import PEAK, eased
+from spacearm.planning.strategies.several_tips import several_tips
+from spacearm.planning.timing import PEAK, eased, swing
 
 SLACK = 1.2
 """Time for a motion over that at zero momentum, where none is asked for: bent ways are longer."""
@@ -51,7 +54,9 @@ JOINTS, DETOUR = "joint space", 0.4
 """Name of the method of joint motions, and how far those after the first go aside [rad]."""
 FINE = 0.05
 """Largest turn of the spacecraft, and motion of a joint, from row to row [rad], [m]."""
-
+SWUNG, QUICK, LEISURE, SWING_ROWS = 2.5, 0.5, 5.0, 60
+"""Joint motion at the rates at the end for as long as a swing to them may last [rad] or [m]; that
+for which there is time where no duration is asked for, of this length at most [s]; its rows."""
 
 AGAIN, SHORT = ("joint space", "tree", "cycles"), 1.0
 """Methods by which a plan with momentum begins, after others, and the least time for each [s]."""
@@ -103,12 +108,14 @@ class Drift:
         for number in self.attempts.each(itertools.count()):
             with self.attempts.at("at zero momentum"):
                 self.account.check_time()
-                if number % EACH and self._lasts:
+                if number % EACH and self._lasts and not self.request.goals:
                     return self._bent_ramp()
                 return self._bent_plan(number // EACH)
         h, tried = self.start.momentum.round(6).tolist(), self.attempts.failed
+        v = self.request.final_twist
+        asked = f"momentum {h}" if v is None else f"momentum {h} and final_twist {v.tolist()}"
         raise self.account.failure(
-            f"{self.start.arm.name}: no plan found with momentum {h}, in {len(tried)} attempts. "
+            f"{self.start.arm.name}: no plan found with {asked}, in {len(tried)} attempts. "
             f"{self.attempts.told}",
             self.best or best_attempt(self.start, None, tried),
         )
@@ -121,15 +128,17 @@ class Drift:
         """
         self.attempts.method = JOINTS
         problem = Problem.of(self.request.at_rest(self._lasts))
-        way = self._next_end(problem) - self.start.q
+        end = self._next_end(problem)
+        way = end - self.start.q
         aside = np.zeros(len(way))
         if any(attempt.method == JOINTS for attempt in self.attempts.failed):
             aside = self._rng.normal(scale=DETOUR, size=len(way))
         spin = float(np.linalg.norm(self._spin)) * self._lasts
         u = np.linspace(0.0, 1.0, ROWS + math.ceil(max(spin, np.abs(way).max()) / FINE))
-        t, wave = self._lasts * u, 0.5 - 0.5 * np.cos(2.0 * np.pi * u[:, None])
+        wave = 0.5 - 0.5 * np.cos(2.0 * np.pi * u[:, None])
         Q = self.start.q + eased(u)[:, None] * way + wave * aside
-        return self._checked(problem, t, Arrival(self.start, problem.target, t).bent(Q))
+        rate = self._final_rate(placed(self.start, end, self._turn @ self.start.base.rotation))
+        return self._arrived(problem, self._lasts * u, Q, rate)
 
     def _next_end(self, problem: Problem) -> Array:
         """Return joint positions (n,) at the goal where a straight motion ends.
@@ -156,18 +165,19 @@ class Drift:
         Raises:
             NoSolutionError: None of it arrives, or it breaks a constraint.
         """
-        still = at_rest(self._still(number))
+        still = (several_tips if self.request.goals else at_rest)(self._still(number))
         self.attempts.method = f"{still.method}, bent"
+        rate = self._final_rate(still[-1])
         if self.request.duration is None:
-            self._lasts = max(SLACK * float(still.t[-1]), self._lasts)
+            swinging = min(QUICK / rate, LEISURE) if rate else 0.0
+            self._lasts = max(SLACK * float(still.t[-1]), self._lasts, swinging) or LEISURE
         elif still.t[-1] > self.request.duration:
             raise NoSolutionError(_late(still, self.request.duration))
         t, Q = _rows(still, self._lasts, float(np.linalg.norm(self._spin)))
         problem = Problem.of(self.request.at_rest(self._lasts))
-        arrival = Arrival(self.start, problem.target, t)
-        end = arrival.rows(Q)[-1].base.rotation  # the next begins turned by what this way drifts
-        self._turn = end @ still[-1].base.rotation.T @ self._turn
-        return self._checked(problem, t, arrival.bent(Q))
+        end = Arrival(self.start, problem.target, t).rows(Q)[-1].base.rotation
+        self._turn = end @ still[-1].base.rotation.T @ self._turn  # by what this way drifts
+        return self._arrived(problem, t, Q, rate)
 
     def _still(self, number: int) -> PlanRequest:
         """Return a request without momentum whose start is turned by the drift."""
@@ -175,7 +185,7 @@ class Drift:
         attitude = pin.SE3(self._turn @ self.start.base.rotation, np.zeros(3))
         start = self.start.arm.at(self.start.q, base=attitude).centred(self.start.com)
         method = search.method
-        if method == "auto" and number > 1:
+        if method == "auto" and number > 1 and not self.request.goals:
             method = AGAIN[number % len(AGAIN)]
         return replace(
             request,
@@ -185,18 +195,43 @@ class Drift:
             account=self.account.part(max(self.account.left / 3.0, SHORT)),
         )
 
-    def _checked(self, problem: Problem, t: Array, rows: list[Configuration]) -> Plan:
-        """Return a plan with rows that arrive, if they keep all constraints.
+    def _final_rate(self, end: Configuration) -> float:
+        """Return about the largest rate of a joint at the end [rad/s] or [m/s]; 0 for at rest."""
+        v = self.request.final_twist
+        if v is None:
+            return 0.0
+        end = end.with_momentum(self.start.momentum).with_wheels(self.start.wheels)
+        still = twist_of(end, np.zeros(end.arm.n))
+        rates = np.linalg.lstsq(goal_rows(end, generalized_jacobian(end)), v - still)[0]
+        return float(np.abs(rates).max())
+
+    def _arrived(self, problem: Problem, t: Array, Q: Array, rate: float) -> Plan:
+        """Return a plan made of joint positions (m, n) at times t (m,), if it can be.
+
+        Args:
+            problem: What it must keep.
+            t: The times.
+            Q: The joint positions.
+            rate: About the largest rate of a joint at the end.
 
         Raises:
-            NoSolutionError: They do not.
+            NoSolutionError: It cannot arrive, or breaks a constraint.
         """
+        swung = min(SWUNG / rate, self._lasts) if rate else self._lasts
+        if problem.target.twist is not None:
+            before = t < (1.0 - 1e-9) * (t[-1] - swung)
+            swinging = np.linspace(max(t[-1] - swung, 0.0), t[-1], max(SWING_ROWS, sum(~before)))
+            denser = np.append(t[before], swinging)
+            t, Q = denser, np.column_stack([np.interp(denser, t, q) for q in Q.T])
+        rows, rates = Arrival(self.start, problem.target, t, swung).bent(Q)
         wheels = np.tile(self.start.wheels, (len(t), 1))
-        found = timed(self.request, problem, self.attempts.method, rows, t, wheels)
+        found = timed(self.request, problem, self.attempts.method, rows, t, wheels, rates)
         self.best = found = landed(found)
         problem.check([*found])
-        over = (np.abs(np.diff(found.q, axis=0)) / np.diff(t)[:, None]).max(axis=0) / problem.rates
+        steps = np.vstack((np.diff(found.q, axis=0) / np.diff(t)[:, None], rates))
+        over = np.abs(steps).max(axis=0) / problem.rates
         if over.max() > 1.0:
+            self._lasts *= 1.0 if self.request.duration else float(over.max())
             name = found.arm.joint_names[int(over.argmax())]
             raise NoSolutionError(f"joint {name!r} moves at {over.max():.3g} times its limit")
         return recheck(problem.arrived(found, self.attempts.failed), self.account)
@@ -209,6 +244,8 @@ class Drift:
 
 def _rows(plan: Plan, lasts: float, spin: float) -> tuple[Array, Array]:
     """Return times (m,) and joint positions (m, n) of a plan that lasts longer, in small steps."""
+    if len(plan) == 1:
+        return lasts * np.linspace(0.0, 1.0, ROWS + 1), np.tile(plan.q, (ROWS + 1, 1))
     t = plan.t / plan.t[-1] * lasts  # ends there exactly
     step = np.maximum(np.abs(np.diff(plan.q, axis=0)).max(axis=1), spin * np.diff(t))
     parts = np.maximum(1, np.ceil(step / FINE)).astype(int)
@@ -218,7 +255,13 @@ def _rows(plan: Plan, lasts: float, spin: float) -> tuple[Array, Array]:
 
 
 def timed(
-    request: PlanRequest, problem: Problem, method: str, rows: Rows, t: Array, wheels: Array
+    request: PlanRequest,
+    problem: Problem,
+    method: str,
+    rows: Rows,
+    t: Array,
+    wheels: Array,
+    final_rates: Array,
 ) -> Plan:
     """Return the plan that passes rows, seen from the system CM, at times t (m,) [s].
 
@@ -229,6 +272,7 @@ def timed(
         rows: The rows, which are not checked.
         t: (m,) their times [s].
         wheels: (m, w) what the wheels hold there [N m s].
+        final_rates: (n,) joint rates at the end [rad/s] or [m/s].
     """
     return Plan.of_rows(
         method,
@@ -239,7 +283,13 @@ def timed(
         wheels=wheels,
         clearance=problem.target.clearance,
         obstacles=request.obstacles,
+        final_rates=final_rates,
     )
+
+
+def twist_of(cfg: Configuration, dq: Array) -> Array:
+    """Return the twist of the tips (k,) with the momentum of a configuration, as goals have it."""
+    return goal_rows(cfg, cfg.J @ generalized_velocity(cfg, dq))
 
 
 def stretched(plan: Plan, duration: float, account: SearchAccount) -> Plan:
@@ -269,17 +319,18 @@ class Arrival:
         start: Configuration at the start, with the momentum.
         target: What the motion must achieve.
         t: (m,) times of the rows [s].
+        swung: How long the swing to the rates at the end lasts [s].
     """
 
     start: Configuration
     target: Target
     t: Array
+    swung: float = 0.0
 
-    def bent(self, Q: Array) -> list[Configuration]:
-        """Return the configurations of a motion near joint positions (m, n) that arrives.
+    def bent(self, Q: Array) -> tuple[list[Configuration], Array]:
+        """Return a motion near joint positions (m, n) that arrives, and its rates at the end (n,).
 
-        Newton's method on the heights of waves and of a ramp that moves the end; of all corrections
-        the one of least squares.
+        Newton's method on the heights of the shapes; of all corrections the one of least squares.
 
         Raises:
             NoSolutionError: It does not converge; carries the last motion.
@@ -287,26 +338,26 @@ class Arrival:
         shapes = self._shapes(self.t)
         height = np.zeros((shapes.shape[1], Q.shape[1]))
         rows = self.rows(Q)
-        left = self.residual(rows[-1])
+        left = self.residual(rows[-1], height)
         slope = None
         for _ in range(STEPS):
             if np.linalg.norm(left) <= ARRIVED:
-                return rows
-            slope = self._slope(Q + shapes @ height) if slope is None else slope
+                return rows, self._final_rates(height)
+            slope = self._slope(Q + shapes @ height, height) if slope is None else slope
             full = np.linalg.lstsq(slope, left)[0]
             full *= min(1.0, LONGEST / np.abs(full).max())
             for share in (1.0, 0.5, 0.25, 0.1):
                 tried = height - share * full.reshape(height.shape)
                 there = self.rows(Q + shapes @ tried)
-                fall = np.linalg.norm(self.residual(there[-1])) / np.linalg.norm(left)
+                fall = np.linalg.norm(self.residual(there[-1], tried)) / np.linalg.norm(left)
                 if fall < 1.0:
                     break
             else:
                 break
             slope = slope if fall < KEPT else None
-            height, rows, left = tried, there, self.residual(there[-1])
+            height, rows, left = tried, there, self.residual(there[-1], tried)
         raise NoSolutionError(
-            f"with this momentum the end stays {np.linalg.norm(left):.1e} off", rows
+            f"with this momentum and twist the end stays {np.linalg.norm(left):.1e} off", rows
         )
 
     def rows(self, Q: Array) -> list[Configuration]:
@@ -314,20 +365,34 @@ class Arrival:
         T = self._attitudes(self.t, Q[None])[0]
         return [placed(self.start, q, R) for q, R in zip(Q, T, strict=True)]
 
-    def residual(self, end: Configuration) -> Array:
-        """Return the difference between the target and the end of a motion."""
-        return self.target.missed(self.start, end)
+    def residual(self, end: Configuration, height: Array) -> Array:
+        """Return the difference between the target and the end of a motion with these heights."""
+        missed = self.target.missed(self.start, end)
+        if self.target.twist is None:
+            return missed
+        end = end.with_momentum(self.start.momentum).with_wheels(self.start.wheels)
+        return np.append(missed, self.target.twist - twist_of(end, self._final_rates(height)))
 
-    def _slope(self, Q: Array) -> Array:
+    def _final_rates(self, height: Array) -> Array:
+        """Return the rates (n,) at the end of a motion with these heights."""
+        return height[-1] if self.target.twist is not None else np.zeros(height.shape[1])
+
+    def _slope(self, Q: Array, height: Array) -> Array:
         """Return the derivative of the residual by all heights, from motions of few rows."""
         few = np.linspace(self.t[0], self.t[-1], COARSE + 1)
+        if self.target.twist is not None:
+            swinging = np.linspace(self.t[-1] - self.swung, self.t[-1], COARSE)
+            few = np.append(few[few < 0.999 * swinging[0]], swinging)
         coarse = np.column_stack([np.interp(few, self.t, q) for q in Q.T])
         shapes = self._shapes(few)
         n, size = Q.shape[1], shapes.shape[1] * Q.shape[1]
         heights = BENT * np.vstack((np.zeros(size), np.eye(size))).reshape(size + 1, -1, n)
         each = coarse + shapes @ heights
         T = self._attitudes(few, each)[:, -1]
-        ends = [self.residual(placed(self.start, q[-1], R)) for q, R in zip(each, T, strict=True)]
+        ends = [
+            self.residual(placed(self.start, q[-1], R), height + by)
+            for q, R, by in zip(each, T, heights, strict=True)
+        ]
         return np.column_stack([(end - ends[0]) / BENT for end in ends[1:]])
 
     def _attitudes(self, t: Array, Q: Array) -> Array:
@@ -335,10 +400,17 @@ class Arrival:
         return drifting_attitudes(self.start.arm, T, t, Q, h, T.T @ self.start.stored[3:])
 
     def _shapes(self, t: Array) -> Array:
-        """Return the ramp, unless the joints have a goal, and the waves (m, shapes) at times."""
+        """Return the shapes (m, shapes) at times: ramp, waves, and last the swing.
+
+        There is no ramp where the joints have a goal, and no swing to the end at rest.
+        """
         u = (t - t[0]) / (t[-1] - t[0])
-        waves = 1.0 - np.cos(2.0 * np.pi * np.outer(u, np.arange(1, WAVES + 1)))
-        return waves if self.target.q is not None else np.column_stack((eased(u), waves))
+        shapes = [1.0 - np.cos(2.0 * np.pi * k * u) for k in range(1, WAVES + 1)]
+        if self.target.q is None:
+            shapes.insert(0, eased(u))
+        if self.target.twist is not None:
+            shapes.append(self.swung * swing(np.clip(1.0 - (t[-1] - t) / self.swung, 0.0, 1.0)))
+        return np.column_stack(shapes)
 
 
 def ramp_ends(

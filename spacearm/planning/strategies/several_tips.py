@@ -15,11 +15,10 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.mechanics.floating import attitudes, walk
-from spacearm.motion.goal import goal_pose, out_of_reach
-from spacearm.planning.optimiser import ARRIVED, SPACING, Target
-from spacearm.planning.problem import Problem, Rows, bodies_apart, bounds_of, clearance_of, travel
+from spacearm.planning.optimiser import ARRIVED, SPACING
+from spacearm.planning.problem import Problem, Rows, travel
 from spacearm.planning.request import PlanRequest
-from spacearm.planning.result import Plan, best_attempt
+from spacearm.planning.result import Plan
 from spacearm.planning.strategies.at_rest import by_methods
 from spacearm.planning.strategies.resolved_motion import Aim, Bias, Resolved
 
@@ -46,20 +45,9 @@ def several_tips(request: PlanRequest) -> Plan:
     """
     if request.final_attitude is not None:
         raise UnsupportedError("several tips end with any attitude; leave out final_attitude")
-    cfg, asked = request.start, request.constraints
-    lower, upper = bounds_of(cfg, asked.limits)
-    aims = []
-    for name, goal in request.goals.items():
-        start = cfg.arm.replace(tip=name, joints=cfg.arm.joint_names).at(cfg.q, base=cfg.base)
-        start = start.centred(cfg.com)
-        pose = goal_pose(start, goal)
-        if far := out_of_reach(start, pose):
-            raise NoSolutionError(f"{name}: {far}", best_attempt(cfg, None))
-        aims.append(Aim(start, pose))
-    least, ample = clearance_of(cfg, asked.clearance)
-    target = Target(None, None, None, least, lower, upper)
-    problem = Problem(request, target, ample, bodies_apart(request, target))
-    resolved = Resolved(aims, (lower, upper))
+    problem = Problem.of(request)
+    aims = [Aim(*aim) for aim in request.aims.values()]
+    resolved = Resolved(aims, (problem.target.lower, problem.target.upper))
     methods = {"straight": _straight, "joint space": _joint_space}
     return by_methods(
         problem, {name: partial(method, resolved=resolved) for name, method in methods.items()}
