@@ -27,6 +27,7 @@ class Driver:
         self.q, self.log = np.array(q), []
 
     def send(self, t, rates):
+        """Move until the next tick."""
         self.q = self.q + PERIOD * rates
         self.log.append(json.dumps({"t": t, "q": self.q.tolist()}))
 
