@@ -10,13 +10,14 @@ PERIOD = sa.Sampling(period=0.01)
 
 def test_a_simulated_arm_follows_the_servo_and_stays_off_the_set():
     arm = sa.load("planar2")
-    control = sa.ServoControl(servo=sa.Servo(arm, rates=0.5), twist=[0.1, 0.0])
+    control = sa.ServoControl(servo=sa.Servo(arm, rates=0.5, accelerations=1.0), twist=[0.1, 0.0])
     start = arm.at(np.radians([20.0, 40.0]))
     run = sa.simulate(start, control, 6.0, sampling=PERIOD)
     assert len(control.steps) == 600
     asked = np.array([step.rates for step in control.steps])
     at = np.searchsorted(run.t, 0.01 * np.arange(600))
-    assert np.abs(run.dq[at] - asked)[50:].max() < 0.02  # the joints take them up in 1 / gain
+    lag = 1.0 / control.gain  # by the acceleration of 1 rad/s^2
+    assert np.abs(run.dq[at] - asked).max() < 1.2 * lag
     least = min(sa.singularity(arm.at(q), exact=True).distance for q in run.q[::100])
     assert np.radians(4.9) < least < np.radians(6.0)
     again = sa.simulate(start, control, 0.5, sampling=PERIOD)
