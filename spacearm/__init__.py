@@ -22,13 +22,14 @@ workspaces   workspace risk_profile pose_risk design Workspace Region RiskProfil
 motion       simulate simulate_many simulate_phases follow move JointPD TransposedJacobian
              ResolvedRate DampedLeastSquares Reactionless Plant Sampling Integration PassiveJoint
              WheelHold Phase Grasp Release Motion Trajectory Followed Flight Event
+servo        Servo ServoStep
 planning     plan detumble connected time_optimal Tracking collision_check Joints Constraints
              Search Plan Attempt Connection Obstacle CollisionReport
 mission      feasible_attitudes reaction size_wheels level_reach level_envelope momentum_budget
              catch FeasibleAttitudes Reaction WheelSizing LevelReach LevelEnvelope MomentumBudget
              Target Catch
-uncertainty  uncertain distance_range is_free_for_all shell_bands robust_plan UncertainArm
-             DistanceRange RobustCertificate ShellBands
+uncertainty  uncertain distance_range is_free_for_all shell_bands robust_plan identify UncertainArm
+             DistanceRange RobustCertificate ShellBands Identified
 sweeps       sweep Study
 export       to_jax to_casadi to_c to_mjcf to_sdf write_motion GeneralizedJacobianTask
              MomentumConservation SingularityBarrier

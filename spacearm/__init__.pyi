@@ -110,6 +110,8 @@ from spacearm.plots.report_page import design_report as design_report
 from spacearm.plots.show import plot as plot
 from spacearm.polynomial.certificate import Certificate as Certificate
 from spacearm.polynomial.trig import TrigPolynomial as TrigPolynomial
+from spacearm.servo.servo import Servo as Servo
+from spacearm.servo.servo import ServoStep as ServoStep
 from spacearm.singularities.abstract_set import SingularSet as SingularSet
 from spacearm.singularities.box_graph import FreeBoxes as FreeBoxes
 from spacearm.singularities.box_graph import free_boxes as free_boxes
@@ -130,6 +132,8 @@ from spacearm.singularities.sets import FoundSet as FoundSet
 from spacearm.singularities.sets import singular_set as singular_set
 from spacearm.sweeps.runner import sweep as sweep
 from spacearm.sweeps.study import Study as Study
+from spacearm.uncertainty.identification import Identified as Identified
+from spacearm.uncertainty.identification import identify as identify
 from spacearm.uncertainty.intervals import UncertainArm as UncertainArm
 from spacearm.uncertainty.intervals import uncertain as uncertain
 from spacearm.uncertainty.robust import DistanceRange as DistanceRange

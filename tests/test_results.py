@@ -85,6 +85,12 @@ def flight():
     return sa.simulate_phases(arm().at([0.1, 0.2]), phases)
 
 
+def identified():
+    holding = arm().grasp(2.0, 0.1 * np.eye(3)).at([0.3, 1.2])
+    law, coarse = sa.JointPD([0.9, 0.4], kp=5.0, kd=9.0), sa.Integration(dt=0.1)
+    return sa.identify(sa.simulate(holding, law, 2.0, integration=coarse), arm())
+
+
 RESULTS = {
     "ArmInfo": lambda: sa.arms()[0],
     "Attempt": lambda: plan().tried[0],
@@ -111,6 +117,7 @@ RESULTS = {
     "FoundSet": lambda: sa.singular_set(sa.load("servicer_panda"), mode="fixed"),
     "FreeBox": lambda: sa.free_box(arm().at([0.3, 1.2])),
     "FreeBoxes": lambda: sa.free_boxes(arm(), share=0.5),
+    "Identified": identified,
     "JointPD": lambda: sa.JointPD(target=lambda t: [t, t], kp=5.0, kd=9.0),
     "Joints": lambda: sa.Joints([0.1, 0.2]),
     "ModelInfo": lambda: sa.catalogue()[0],
@@ -143,6 +150,8 @@ RESULTS = {
     "SingularMap": lambda: sa.singular_map(arm(), points=5),
     "SingularSet": singular_set,
     "Search": lambda: sa.Search(seed=1),
+    "Servo": lambda: sa.Servo(arm(), accelerations=1.0),
+    "ServoStep": lambda: sa.Servo(arm()).step(configuration(), [0.1, 0.0], 0.01),
     "SingularityReport": lambda: sa.singularity(configuration()),
     "SpaceArm": arm,
     "Study": lambda: sa.Study.parse(STUDY),
@@ -218,8 +227,8 @@ def test_coefficients_of_a_polynomial_are_real_and_imaginary_parts():
 GIVEN = {
     "Bus", "Constraints", "DampedLeastSquares", "GeneralizedJacobianTask", "Grasp", "Integration",
     "JointPD", "Joints", "MomentumConservation", "Obstacle", "PassiveJoint", "Phase", "Plant",
-    "Reactionless", "Release", "ResolvedRate", "Sampling", "Search", "SingularityBarrier", "Study",
-    "Task", "Tracking", "TransposedJacobian", "WheelHold",
+    "Reactionless", "Release", "ResolvedRate", "Sampling", "Search", "Servo", "SingularityBarrier",
+    "Study", "Task", "Tracking", "TransposedJacobian", "WheelHold",
 }  # fmt: skip
 ROWS = {"ArmInfo", "Attempt", "Configuration", "Event", "ModelInfo"}
 """What a caller gives, and what stands in the tables of others, has no description of its own."""

@@ -24,6 +24,7 @@ from spacearm.plots.style import (
 )
 from spacearm.singularities.polynomials import tips_from_centre
 from spacearm.singularities.risk import PoseRisk, RiskProfile, nearness
+from spacearm.uncertainty.identification import NAMES, Identified
 from spacearm.uncertainty.robust import DistanceRange, ShellBands
 from spacearm.workspaces.path_dependent import Workspace
 
@@ -242,4 +243,28 @@ def draw_shell_bands(result: ShellBands, *, ax: Any = None) -> Figure:
     _about_cm(axes, 1.25 * outer)
     axes.legend(frameon=False, loc="upper right")
     entitle(axes, f"{result.tried} arms")
+    return axes.figure
+
+
+@draws(Identified)
+def draw_identified(result: Identified, *, ax: Any = None) -> Figure:
+    """Draw the ten parameters with two standard deviations, over mass and radius of gyration.
+
+    Args:
+        result: What was identified.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    axes, size = axes_for(ax, 6.4, 3.6), result.sizes
+    deviations = np.sqrt(result.covariance.diagonal()) / size
+    moved = np.abs(result.unexcited).max(axis=0, initial=0.0) > 0.01
+    for these, color, what in ((~moved, BLUE, "identified"), (moved, RED, "not excited")):
+        rows = np.flatnonzero(these)
+        if len(rows):
+            axes.errorbar(rows, (result.parameters / size)[rows], 2.0 * deviations[rows], fmt="o",
+                          color=color, capsize=4.0, label=what)  # fmt: skip
+    axes.axhline(0.0, color=GREY, lw=0.8, zorder=0)
+    axes.set_xticks(range(len(NAMES)), NAMES)
+    axes.set(ylabel="over powers of mass and\nradius of gyration about the tip")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    entitle(axes, f"held by {result.arm.name}: {result.mass:.4g} kg")
     return axes.figure

@@ -32,6 +32,12 @@ def line(cfg):
     return [home, pin.SE3(home.rotation, home.translation + np.array([-0.1, 0.1, 0.1]))]
 
 
+def identified():
+    holding = sa.load("planar2").grasp(2.0, 0.1 * np.eye(3)).at([0.3, 1.2])
+    law, coarse = sa.JointPD([0.9, 0.4], kp=5.0, kd=9.0), sa.Integration(dt=0.1)
+    return sa.identify(sa.simulate(holding, law, 2.0, integration=coarse), sa.load("planar2"))
+
+
 @pytest.fixture(scope="module")
 def results():
     """One result of every kind that can be drawn, and how many panels its figure has."""
@@ -67,6 +73,7 @@ def results():
             2,
         ),
         "a catch": (caught(), 3),
+        "a held body": (identified(), 1),
         "a reaction": (sa.reaction(run), 4),
         "a level reach": (
             sa.level_reach(planar.at([-0.6, 1.4]), 0.03, directions=12, planned=True, cell=0.1),
@@ -280,8 +287,8 @@ def test_what_cannot_be_drawn_is_told_what_can(thing):
         plot(thing)
 
 
-WORDS_ALONE = ("Certificate", "RobustCertificate")
-"""Results that are a verdict: there is nothing to draw."""
+WORDS_ALONE = ("Certificate", "RobustCertificate", "ServoStep")
+"""Results that are a verdict or an instant: there is nothing to draw."""
 
 
 def test_every_public_result_class_has_a_drawing():
