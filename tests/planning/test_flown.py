@@ -99,6 +99,7 @@ def by_hand(arm, q, rate, momentum):
     return sa.Plan.of_rows("by hand", rows, rates, momentum=h)
 
 
+@pytest.mark.slow
 def test_obstacles_are_met_where_splines_lead_and_not_where_lines_do():
     """Balls at the side of the first link, where the spline turns back between two rows."""
     s = np.linspace(0.0, 1.0, 6)[:, None]
