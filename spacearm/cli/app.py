@@ -110,7 +110,7 @@ COMMANDS = {
         "Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.",
     ),
     "watch": (
-        "streams.watch_states",
+        "simulations.watch_states",
         "Watch a stream of joint states, and warn before it comes near a singular posture.",
     ),
     "capture": (
