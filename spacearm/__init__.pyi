@@ -114,6 +114,8 @@ from spacearm.plots.report_page import design_report as design_report
 from spacearm.plots.show import plot as plot
 from spacearm.polynomial.certificate import Certificate as Certificate
 from spacearm.polynomial.trig import TrigPolynomial as TrigPolynomial
+from spacearm.servo.servo import Servo as Servo
+from spacearm.servo.servo import ServoStep as ServoStep
 from spacearm.singularities.abstract_set import SingularSet as SingularSet
 from spacearm.singularities.box_graph import FreeBoxes as FreeBoxes
 from spacearm.singularities.box_graph import free_boxes as free_boxes

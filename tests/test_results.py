@@ -152,6 +152,8 @@ RESULTS = {
     "SingularMap": lambda: sa.singular_map(arm(), points=5),
     "SingularSet": singular_set,
     "Search": lambda: sa.Search(seed=1),
+    "Servo": lambda: sa.Servo(arm(), accelerations=1.0),
+    "ServoStep": lambda: sa.Servo(arm()).step(configuration(), [0.1, 0.0], 0.01),
     "SingularityReport": lambda: sa.singularity(configuration()),
     "SpaceArm": arm,
     "Study": lambda: sa.Study.parse(STUDY),
@@ -228,8 +230,8 @@ def test_coefficients_of_a_polynomial_are_real_and_imaginary_parts():
 GIVEN = {"CaptureEnvelope", "TargetErrors",
     "Bus", "Constraints", "DampedLeastSquares", "GeneralizedJacobianTask", "Grasp", "Integration",
     "JointPD", "Joints", "MomentumConservation", "Obstacle", "PassiveJoint", "Phase", "Plant",
-    "Reactionless", "Release", "ResolvedRate", "Sampling", "Search", "SingularityBarrier", "Study",
-    "Task", "Tracking", "TransposedJacobian", "WheelHold",
+    "Reactionless", "Release", "ResolvedRate", "Sampling", "Search", "Servo", "SingularityBarrier",
+    "Study", "Task", "Tracking", "TransposedJacobian", "WheelHold",
 }  # fmt: skip
 ROWS = {"ArmInfo", "Attempt", "Configuration", "Event", "ModelInfo"}
 """What a caller gives, and what stands in the tables of others, has no description of its own."""

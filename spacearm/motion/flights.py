@@ -242,7 +242,7 @@ class Release(Parameters):
 @checked
 @dataclass(frozen=True)
 class Phase(Parameters):
-    """A part of a flight.
+    """A part of a flight; the spacecraft floats, unless wheels of the plant hold its attitude.
 
     Attributes:
         controller: As in `simulate`.

@@ -288,8 +288,8 @@ def test_what_cannot_be_drawn_is_told_what_can(thing):
         plot(thing)
 
 
-WORDS_ALONE = ("Certificate", "RobustCertificate")
-"""Results that are a verdict: there is nothing to draw."""
+WORDS_ALONE = ("Certificate", "RobustCertificate", "ServoStep")
+"""Results that are a verdict or an instant: there is nothing to draw."""
 
 
 def test_every_public_result_class_has_a_drawing():
