@@ -59,6 +59,10 @@ from spacearm.mission.budget import MomentumBudget as MomentumBudget
 from spacearm.mission.budget import momentum_budget as momentum_budget
 from spacearm.mission.catching import Catch as Catch
 from spacearm.mission.catching import catch as catch
+from spacearm.mission.dispersions import CaptureEnvelope as CaptureEnvelope
+from spacearm.mission.dispersions import CatchRuns as CatchRuns
+from spacearm.mission.dispersions import TargetErrors as TargetErrors
+from spacearm.mission.dispersions import fly_many as fly_many
 from spacearm.mission.level import LevelEnvelope as LevelEnvelope
 from spacearm.mission.level import LevelReach as LevelReach
 from spacearm.mission.level import level_envelope as level_envelope
