@@ -16,7 +16,7 @@ from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.planning.account import Attempts, SearchAccount
 from spacearm.planning.methods import METHODS
-from spacearm.planning.problem import Problem, Rows, recheck
+from spacearm.planning.problem import Problem, Rows
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.resolved_motion import reactionless
@@ -65,7 +65,7 @@ def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]
             wanted = problem.target.attitude if problem.target.tip is None else None
             found = paced(landed(found, wanted), problem.rates)
             problem.check([*found])
-            return problem.arrived(recheck(found, account), attempts.stories)
+            return problem.arrived(found, attempts.stories)
     rounds = f"{account.rounds + 1} rounds" if account.rounds else "1 round"
     parts = (f"no plan found in {account.elapsed:.1f} s, {rounds}", account.verdict, attempts.told)
     raise account.failure(
