@@ -20,6 +20,7 @@ TITLES = {
     "sets": "Singular sets",
     "workspaces": "Workspaces and design",
     "motion": "Motions in time",
+    "servo": "Servo",
     "planning": "Planning",
     "mission": "Mission design",
     "uncertainty": "Uncertain arms",

@@ -338,7 +338,7 @@ def collision_check(
 
     Args:
         thing: A configuration; or a motion, which is checked between its samples as `Motion.at` has
-            it: distances are no samples but bounds.
+            it, a `Plan` as it is flown: distances are no samples but bounds.
         obstacles: What must not be met besides; see `plan`.
         progress: Called after every sample as progress(done, samples).
 
@@ -360,7 +360,8 @@ def collision_check(
     if isinstance(thing, Configuration):
         motion = Floating([thing], np.zeros(1))
     else:
-        motion = Recorded(Motion.of(thing))
+        flown = getattr(thing, "swept", None)
+        motion = flown if isinstance(flown, SweptMotion) else Recorded(Motion.of(thing))
     bodies = Collisions(motion.arm, obstacles_of(obstacles, motion.arm))
     if not bodies:
         raise UnsupportedError(f"{motion.arm.name}: {bodies.account}; there is nothing to check")

@@ -14,7 +14,7 @@ more than |v| + r |w|, where m |v|^2 + I |w|^2 <= E, hence by no more than sqrt(
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -127,6 +127,54 @@ class Curved(InJointSpace):
         return degree * np.abs(np.diff(self.points, axis=1)).max(axis=1, initial=0.0)
 
 
+class Flown(Curved):
+    """A motion along polynomials, the spacecraft as its joints, momentum and wheels turn it.
+
+    Args:
+        arm: The arm, on a spacecraft that floats.
+        points: (m, d + 1, n) control points of the polynomials.
+        t: (m + 1,) times at their ends [s].
+        base: Returns the pose of the spacecraft at row u.
+        momentum: What turns it besides the joints at most [N m s].
+        speed: That of the system CM [m/s].
+    """
+
+    def __init__(
+        self,
+        arm: SpaceArm,
+        points: Array,
+        t: Array,
+        base: Callable[[float], pin.SE3],
+        momentum: float,
+        speed: float,
+    ) -> None:
+        super().__init__(arm, points)
+        self.t, self._base, self._momentum, self._speed = t, base, momentum, speed
+
+    def base(self, u: float) -> pin.SE3:
+        """Return the pose of the spacecraft."""
+        return self._base(u)
+
+    def swept(self, bodies: Sequence[Body]) -> Array:
+        """Return the ways by `inertial_speeds`, and those of the turn that momentum makes.
+
+        The system turns by it as a rigid body about its CM, which is no farther than the farthest
+        CM of a body; no inertia is less than that of the spacecraft alone.
+        """
+        arm, out = self.arm, np.abs([self.arm.all_joints(q) for q in self.hull]).max(axis=0)
+        ways = inertial_speeds(arm, bodies, out) @ self.steps.T
+        if not self._momentum and not self._speed:
+            return ways
+        turn = self._momentum / _least_inertia(arm, 1)
+        steps = _steps_along(arm, out)
+        lever = max(
+            steps[list(arm.model.supports[k])].sum() + np.linalg.norm(body.lever)
+            for k, body in enumerate(arm.model.inertias)
+        )
+        far = [body.far + sum(out[j] for j in _sliding(arm, body)) + lever for body in bodies]
+        return np.asarray(ways + np.outer(self._speed + turn * np.array(far), np.diff(self.t)))
+
+
 class Floating(SweptMotion):
     """A motion at zero momentum: between its rows the spacecraft reacts as it does in truth.
 
@@ -170,13 +218,17 @@ class Recorded(SweptMotion):
         steps = np.abs(np.diff(full, axis=0))
         ways = []
         for body in bodies:
-            slides = {j for one in body.slides.values() for j in one}
-            slides |= {j - 2 for j, r in body.reach.items() if slides_along(arm, j)}
-            way = origin + (body.far + sum(out[j] for j in slides)) * turn
+            way = origin + (body.far + sum(out[j] for j in _sliding(arm, body))) * turn
             for joint, reach in body.reach.items():
                 way = way + (reach + out[body.slides[joint]].sum()) * steps[:, joint - 2]
             ways.append(way)
         return np.array(ways).reshape(len(bodies), len(self) - 1)
+
+
+def _sliding(arm: SpaceArm, body: Body) -> set[int]:
+    """Return the sliding joints that carry a body, counted from the first joint of the arm."""
+    between = {j for one in body.slides.values() for j in one}
+    return between | {j - 2 for j in body.reach if slides_along(arm, j)}
 
 
 def interpolated(rows: Array, u: float) -> Array:
@@ -222,14 +274,25 @@ def inertial_speeds(arm: SpaceArm, bodies: Sequence[Body], out: Array) -> Array:
 
 def _mobility(arm: SpaceArm, joint: int, far: float) -> float:
     """Return 1/m + r^2/I of the body at a joint, for points up to `far` from its CM."""
-    inertia, normal = arm.model.inertias[joint], arm.tree.plane_normal()
-    about_cm = inertia.inertia
-    least = float(np.linalg.eigvalsh(about_cm)[0])
+    mass, least = arm.model.inertias[joint].mass, _least_inertia(arm, joint)
+    return 1.0 / mass + far * far / least if mass > 0.0 and least > 0.0 else np.inf
+
+
+def _least_inertia(arm: SpaceArm, joint: int) -> float:
+    """Return the least inertia of the body at a joint about its CM, of a plane about its normal."""
+    about_cm, normal = arm.model.inertias[joint].inertia, arm.tree.plane_normal()
     if normal is not None and joint == 1:
-        least = float(about_cm[normal, normal])
-    if inertia.mass <= 0.0 or least <= 0.0:
-        return np.inf
-    return 1.0 / inertia.mass + far * far / least
+        return float(about_cm[normal, normal])
+    return float(np.linalg.eigvalsh(about_cm)[0])
+
+
+def _steps_along(arm: SpaceArm, out: Array) -> Array:
+    """Return how far each joint's frame is from the one before at most (njoints,) [m]."""
+    steps = np.zeros(arm.model.njoints)
+    for j in range(2, arm.model.njoints):
+        steps[j] = np.linalg.norm(arm.model.jointPlacements[j].translation)
+        steps[j] += out[j - 2] if slides_along(arm, j) else 0.0
+    return steps
 
 
 def _inertias_moved(arm: SpaceArm, out: Array) -> Array:
@@ -238,10 +301,7 @@ def _inertias_moved(arm: SpaceArm, out: Array) -> Array:
     Distances between bodies are no longer than the way along the joints between them.
     """
     model, joints = arm.model, range(2, arm.model.njoints)
-    steps = np.zeros(model.njoints)
-    for j in joints:
-        steps[j] = np.linalg.norm(model.jointPlacements[j].translation)
-        steps[j] += out[j - 2] if slides_along(arm, j) else 0.0
+    steps = _steps_along(arm, out)
     ways = [frozenset(model.supports[k]) for k in range(model.njoints)]
     bounds = np.zeros(len(joints))
     for j in joints:

@@ -174,18 +174,22 @@ class GuessFinder:
         loops = [family.rows(loop, m)] * guess.loops if guess.loops else []
         return np.concatenate((*loops, family.rows(P[: shape.count + 1], m)))
 
-    def loop_places(self, m: int) -> Array:
-        """Return joint positions (<= m, n) about which loops turn the spacecraft far.
+    def in_sight(self, m: int) -> Array:
+        """Return random joint positions (<= m, n) to which the straight way is free.
 
-        The straight way there is free, of contacts as far as it is looked at.
+        Of contacts of the arm's bodies as far as it is looked at.
         """
         reach = self.rng.uniform(0.1, 1.0, (MANY, 1))
         step = reach * (self.free.draw(MANY, self.rng) - self.start.q)
         ways = self.start.q + ALONG[:, None] * step[:, None]
-        ways = ways[self.free.least_distance(ways) > self.target.clearance][: 4 * MANY // SAMPLE]
+        ways = ways[self.free.least_distance(ways) > self.target.clearance][:m]
         if (bodies := self.collisions) is not None:
             ways = ways[[not any(map(bodies.touch, way[::LOOKED_AT])) for way in ways]]
-        Q = ways[:, -1]
+        return ways[:, -1]
+
+    def loop_places(self) -> Array:
+        """Return joint positions (m, n) `in_sight`, where loops turn the spacecraft most first."""
+        Q = self.in_sight(4 * MANY // SAMPLE)
         Q = Q[np.argsort(-self.free.least_distance(Q[:, None]))[: MANY // SAMPLE]]
         if len(Q) == 0:
             return Q
@@ -193,7 +197,7 @@ class GuessFinder:
         clear = self.free.least_distance(places + self._along @ P) > self.target.clearance
         turn = np.zeros(len(P))
         turn[clear] = angles(self.turns(P[clear], places[clear]))
-        return Q[np.argsort(-turn.reshape(-1, SAMPLE).max(axis=1))[:m]]
+        return Q[np.argsort(-turn.reshape(-1, SAMPLE).max(axis=1))]
 
     def ends(self, width: float, m: int) -> tuple[Array, Array]:
         """Return attitudes (<= m, 3, 3) and joint positions (<= m, n) at the goal."""

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
+from scipy.interpolate import BSpline, PPoly
 from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
@@ -257,26 +258,48 @@ class FlownRows:
         Args:
             parts: Into how many parts the steps of `FINE` and `FEWEST` are divided.
         """
-        start, t, h = self.start, self.t, self.start.momentum[3:]
-        steps = self._steps(parts)
+        steps = self.steps(parts)
         at_rows = np.append(0, np.cumsum(steps))
-        length = np.repeat(np.diff(t) / steps, steps)
         number = np.arange(at_rows[-1]) - np.repeat(at_rows[:-1], steps)
-        begin = np.repeat(t[:-1], steps) + number * length
-        T, q = start.base.rotation, flown_spline(t, self.q, self.final_rates)
+        begin = np.repeat(self.t[:-1], steps) + number * np.repeat(np.diff(self.t) / steps, steps)
+        times = np.append(begin, self.t[-1])
+        return self.attitudes_from(self.start.base.rotation, times)[at_rows]
+
+    def attitudes_from(self, T: Array, times: Array) -> Array:
+        """Return the attitudes (k, 3, 3) at times (k,) by a step from each to the next, T first."""
+        arm, h, q = self.start.arm, self.start.momentum[3:], self._spline
+        begin, length = times[:-1], np.diff(times)
         if not h.any() and not self.wheels.any():
             at = begin[:, None] + GAUSS * length[:, None]
-            turns = chained(turns_of_spacecraft(start.arm, q(at), q(at, 1), length))
-            return np.asarray(T @ np.concatenate((np.eye(3)[None], turns))[at_rows])
-        times = np.append(np.column_stack((begin, begin + 0.5 * length)).ravel(), t[-1])
-        held = np.tile(T.T @ start.stored[3:], (len(times), 1))
-        if np.ptp(self.wheels, axis=0).any():
-            axes = np.column_stack([wheel.axis for wheel in start.arm.wheels])
-            held = smooth(t, self.wheels)(times) @ axes.T
-        found = steered_attitudes(
-            start.arm, T, times[::2], q(times)[None], q(times, 1)[None], h, held[None]
-        )
-        return np.asarray(found[0, at_rows])
+            turns = chained(turns_of_spacecraft(arm, q(at), q(at, 1), length))
+            return np.asarray(T @ np.concatenate((np.eye(3)[None], turns)))
+        halves = np.append(np.column_stack((begin, begin + 0.5 * length)).ravel(), times[-1])
+        held = np.tile(self.start.base.rotation.T @ self.start.stored[3:], (len(halves), 1))
+        if (spins := self._spins) is not None:
+            held = spins(halves) @ self._axes.T
+        found = steered_attitudes(arm, T, times, q(halves)[None], q(halves, 1)[None], h, held[None])
+        return np.asarray(found[0])
+
+    @property
+    def turning(self) -> float:
+        """What turns the spacecraft besides the joints at most, T^T h - s [N m s]."""
+        stored, spins = self.start.stored[None, 3:], self._spins
+        if spins is not None:
+            stored = spins.c @ self._axes.T  # its control points
+        h = float(np.linalg.norm(self.start.momentum[3:]))
+        return h + float(np.linalg.norm(stored, axis=1).max())
+
+    @cached_property
+    def _spline(self) -> PPoly:
+        return flown_spline(self.t, self.q, self.final_rates)
+
+    @cached_property
+    def _spins(self) -> BSpline | None:
+        return smooth(self.t, self.wheels) if np.ptp(self.wheels, axis=0).any() else None
+
+    @property
+    def _axes(self) -> Array:
+        return np.column_stack([wheel.axis for wheel in self.start.arm.wheels])
 
     def landed(self, wanted: Mapping[int, Array]) -> FlownRows:
         """Return rows bent a little, so that the spacecraft passes rows with stated attitudes.
@@ -322,7 +345,7 @@ class FlownRows:
         off = np.linalg.norm(miss)
         raise NoSolutionError(f"flown as a spline through its rows the motion ends {off:.1e} off")
 
-    def _steps(self, parts: float) -> Indices:
+    def steps(self, parts: float) -> Indices:
         """Return the steps (m - 1,) of the integration from row to row."""
         dt = np.diff(self.t)
         spin = np.linalg.norm(np.linalg.solve(self.start.A[3:, 3:6], self.start.momentum[3:]))

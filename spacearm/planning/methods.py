@@ -21,7 +21,7 @@ from spacearm.model.arm import Configuration
 from spacearm.motion.following import check_start, follow, how_it_ended
 from spacearm.motion.goal import Goal, as_goal, goal_axes, goal_rows, miss, steady
 from spacearm.motion.leading import straight_line
-from spacearm.planning.guesses import CLOSE, Guess, GuessFinder
+from spacearm.planning.guesses import ACROSS, CLOSE, Guess, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, turning_axes
 from spacearm.planning.optimiser import ARRIVED, ITERATIONS, NEWTON_STEPS, CurveOptimiser, Target
 from spacearm.planning.problem import InContactError, Problem, Rows, travel
@@ -39,8 +39,10 @@ STARTS = 60
 """Curves with a singularity on the way that are optimised, over the number of joints."""
 CHECKED = 40
 """Guesses that are checked for contacts with obstacles, which takes long."""
-TRIES, OTHERS, ENOUGH = 6, 4, 2
+TRIES, OTHERS, ENOUGH = 6, 2, 2
 """Free guesses that are optimised, others, and solutions of which the shortest is taken."""
+SAME = 0.1
+"""Curves to ends nearer to each other than this are much the same to the optimiser [rad], [m]."""
 QUICK = 25
 """Iterations of the optimiser in which the first of those others must do."""
 TURNS, TURN_STEPS = 72, 24
@@ -74,7 +76,9 @@ def joint_space(problem: Problem) -> Rows:
         guesses = list(finder.curves(width, m))
         mixed += [guesses] if m == MANY else []
         free = [guess for guess in guesses if guess.room > problem.target.clearance]
-        apart, others = _without_contact(problem, finder, free), guesses[len(free) :][:OTHERS]
+        apart = _without_contact(problem, finder, _apart(free, problem.start.arm.n))
+        others = [guess for guess in guesses[len(free) :] if m == MANY or guess.room != ACROSS]
+        others = list(itertools.islice(_apart(others, problem.start.arm.n), OTHERS))
         for some, iterations in ((apart, ITERATIONS), (others, QUICK if m == FEW else ITERATIONS)):
             with suppress(_NoneDoesError):  # more may do
                 return _optimised(problem, finder, some, iterations)
@@ -125,6 +129,15 @@ def attitude_first(problem: Problem) -> Rows:
         if free
         else "the line is free from no attitude that the spacecraft can take under the tip"
     )
+
+
+def _apart(guesses: Iterable[Guess], n: int) -> Iterator[Guess]:
+    """Yield the first of those curves (without loops) that end in about the same posture (n,)."""
+    ends = np.empty((0, n))
+    for guess in guesses:
+        if np.abs(ends - guess.x[:n]).max(axis=1).min(initial=np.inf) > SAME:
+            ends = np.vstack((ends, guess.x[:n]))
+            yield guess
 
 
 class _NoneDoesError(NoSolutionError):
@@ -192,11 +205,8 @@ def _by_loops(
         NoSolutionError: No loop leads to the target.
     """
     why = ""
-    for place in _loop_places(problem, target):
-        there = problem.walk(problem.start, straight_rows(problem.start.q, place))
+    for there in _loop_places(problem, target):
         before = float(rest_to_rest_times(_joints(there), problem.rates)[-1])
-        if len(there) > 1 and problem.contact(problem.start, _joints(there)) is not None:
-            continue
         finder = problem.guesses(there[-1], target)
         try:
             guesses = _without_contact(problem, finder, guesses_of(finder), before)
@@ -206,11 +216,17 @@ def _by_loops(
     raise NoSolutionError(why, problem.best)
 
 
-def _loop_places(problem: Problem, target: Target) -> Iterator[Array]:
-    """Yield the joint positions (n,) at which loops are tried."""
-    yield problem.start.q
-    m = PLACES if problem.account.rounds else FIRST_PLACES
-    yield from problem.guesses(problem.start, target).loop_places(m)
+def _loop_places(problem: Problem, target: Target) -> Iterator[Rows]:
+    """Yield the motions, free of contacts, to where loops are tried: the start alone first."""
+    yield [problem.start]
+    left = PLACES if problem.account.rounds else FIRST_PLACES
+    for place in problem.guesses(problem.start, target).loop_places():
+        there = problem.walk(problem.start, straight_rows(problem.start.q, place))
+        if problem.contact(problem.start, _joints(there)) is None:
+            yield there
+            left -= 1
+        if not left:
+            return
 
 
 def _without_contact(

@@ -54,7 +54,8 @@ INSET = 1e-3
 """Distance kept from the joint limits, because curves may bulge between the samples [rad], [m]."""
 ARRIVED = 1e-8
 """Largest norm of the residual at the end of a plan [m], [rad]."""
-NEWTON_STEPS = 6
+NEWTON_STEPS, REFINED = 6, 12
+"""Newton steps to the end of a plan, and of a curve, whose derivatives are those of few steps."""
 LONGEST = 200.0
 """Length beyond which `refine` gives up a curve [rad] or [m]."""
 FAR = 1.0
@@ -326,7 +327,7 @@ class CurveOptimiser:
         Raises:
             NoSolutionError: The end cannot be made exact.
         """
-        for _ in range(NEWTON_STEPS):
+        for _ in range(REFINED):
             if (length := self.cost(x)[0] ** 0.5) > LONGEST:
                 raise NoSolutionError(f"a curve grew to {length:.3g} rad")
             self._check_time()

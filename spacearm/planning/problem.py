@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite
 from spacearm.collisions.separation import Collisions, Contact, collision_geometry
-from spacearm.collisions.swept_motion import Curved, Floating, Recorded, SweptMotion
+from spacearm.collisions.swept_motion import Curved, Floating, SweptMotion
 from spacearm.errors import ImpossibleError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.distance import distance_at
@@ -274,10 +274,10 @@ class Problem:
         Raises:
             NoSolutionError: What is flown is not proven to keep all constraints.
         """
+        last = Attempt(found.method, True, "; ".join(filter(None, (found.travel, self.note))))
         if broken := broken_as_flown(found, self.request):
             raise self._failure(*broken, [*found])
-        last = Attempt(found.method, True, "; ".join(filter(None, (found.travel, self.note))))
-        return replace(found, tried=(*failed, last), **_covered(self.collisions))
+        return covered(replace(found, tried=(*failed, last)), self.request.constraints.collisions)
 
 
 def travel(rows: Rows) -> float:
@@ -288,7 +288,7 @@ def travel(rows: Rows) -> float:
 def broken_as_flown(found: Plan, request: PlanRequest) -> tuple[str, str] | None:
     """Return what a plan breaks as flown, along the splines through its rows; None for nothing.
 
-    Clearance is proven where J* has minors, as are joint limits and that no bodies of the arm meet.
+    Clearance is proven where J* has minors, as are joint limits and that no bodies meet.
 
     Returns:
         The word of `account.WAYS`, and why.
@@ -305,32 +305,28 @@ def broken_as_flown(found: Plan, request: PlanRequest) -> tuple[str, str] | None
     if keep.limits and over.max() > ROUNDING:
         name = arm.joint_names[int(over.argmax())]
         return "limits", f"between rows joint {name!r} goes {over.max():.2g} beyond its limit"
-    if keep.collisions:
-        bodies = collision_geometry(arm)
-        if contact := bodies.contact(Curved(arm, points), request.account.check_time):
-            return "contact", f"between rows {contact}"
+    if keep.collisions and (contact := contact_as_flown(found, request.account.check_time)):
+        return "contact", f"as flown {contact}"
     return None
 
 
-def recheck(found: Plan, account: SearchAccount) -> Plan:
-    """Return a plan that is proven to meet none of its obstacles at its own times.
+def contact_as_flown(found: Plan, check_time: Callable[[], None] = lambda: None) -> Contact | None:
+    """Return a contact of a plan as flown, obstacles included; None if there is proven to be none.
 
-    Raises:
-        NoSolutionError: It meets one; carries the plan.
+    Errors of `check_time` are raised.
     """
     if not found.obstacles:
-        return found
+        way = Curved(found.arm, found.control_points) if len(found) > 1 else found.q
+        return collision_geometry(found.arm).contact(way, check_time)
+    return Collisions(found.arm, found.obstacles).contact(found.swept, check_time)
+
+
+def covered(found: Plan, collisions: bool = True) -> Plan:
+    """Return a plan that has passed the check of contacts, with what that covers."""
+    if not collisions:
+        return replace(found, checked=IGNORED, apart=None)
     bodies = Collisions(found.arm, found.obstacles)
-    if (contact := bodies.contact(Recorded(found), account.check_time)) is not None:
-        raise NoSolutionError(f"{found.arm.name}: {contact}", replace(found, apart=None))
-    return replace(found, **_covered(bodies))
-
-
-def _covered(bodies: Collisions | None) -> dict[str, Any]:
-    """Return what a plan says of a check that no bodies meet."""
-    if bodies is None:
-        return {"checked": IGNORED, "apart": None}
-    return {"checked": bodies.account, "apart": True if bodies.bodies else None}
+    return replace(found, checked=bodies.account, apart=True if bodies.bodies else None)
 
 
 def bodies_apart(request: PlanRequest, target: Target) -> Collisions | None:

@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -31,9 +31,10 @@ import pinocchio as pin
 from scipy.interpolate import PPoly
 
 from spacearm.arrays import Array
+from spacearm.description.bodies import Inertial
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
 from spacearm.mechanics.dynamics import momentum_and_torque
-from spacearm.model.arm import AT_REST, Configuration, SpaceArm
+from spacearm.model.arm import AT_REST, Configuration, SpaceArm, kinematics
 from spacearm.model.wheels import axes_of
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.many_curves import turning_axes
@@ -176,6 +177,21 @@ def largest_turn(rows: Sequence[Configuration]) -> float:
     least = np.linalg.eigvalsh(arm.model.inertias[ROOT].inertia[np.ix_(axes, axes)])[0]
     between = (0.5 * h + 0.125 * bounds[1]) / least
     return float((np.maximum(at_rows[:-1], at_rows[1:]) + between).max())
+
+
+BOUNDLESS = 1e9
+"""Moment of inertia of a spacecraft that does not turn, over what the system has."""
+
+
+@lru_cache(maxsize=16)
+def boundless(arm: SpaceArm) -> SpaceArm:
+    """Return an arm on a spacecraft that no joint motion turns, of the same mass and CM."""
+    system = kinematics(arm, np.clip(np.zeros(arm.n), arm.lower, arm.upper), pin.SE3.Identity())
+    largest = BOUNDLESS * float(np.linalg.norm(system.A[3:, 3:6], 2))
+    tree = arm.whole.with_spacecraft(None, np.eye(3))
+    body = tree.pinocchio().inertias[ROOT]
+    heavy = Inertial(body.mass, pin.SE3(np.eye(3), body.lever), largest * np.eye(3))
+    return arm.on(replace(tree, links={**tree.links, tree.root: heavy}))
 
 
 ROUNDING = 1e-9

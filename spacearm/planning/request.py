@@ -26,7 +26,6 @@ FARTHEST = 1.0
 """Largest clearance [rad]: the distance to the singular set is too rough beyond."""
 FinalTwist: TypeAlias = npt.ArrayLike | Mapping[str, npt.ArrayLike]
 """The task's rows of a twist [m/s], [rad/s]; of several tips by their names."""
-METHODS = ("auto", "straight", "joint space", "roadmap", "cycles", "attitude first", "tree")
 
 
 @checked
@@ -130,8 +129,6 @@ class Search:
         whole(self.seed, "seed", 0)
         if not isinstance(self.timeout, Real) or not self.timeout > 0.0:
             raise ConfigurationError(f"timeout is {self.timeout!r}; give a positive time [s]")
-        if self.method not in METHODS:
-            raise ConfigurationError(unknown("method", self.method, METHODS))
 
     def to_dict(self) -> dict[str, Any]:
         """Return seed, timeout and method as plain data."""

@@ -13,6 +13,7 @@ from scipy.interpolate import BSpline, PPoly
 
 from spacearm.arrays import Array, plain, read_only
 from spacearm.collisions.obstacles import Obstacle
+from spacearm.collisions.swept_motion import Floating, Flown, SweptMotion
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import placed
 from spacearm.model.arguments import FLOATING
@@ -20,6 +21,7 @@ from spacearm.model.arm import AT_REST, Configuration, SpaceArm
 from spacearm.motion.motion import AnyMotion, Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.planning.many_curves import FlownRows
+from spacearm.planning.reactions import boundless
 from spacearm.planning.timing import (
     corners,
     flown_spline,
@@ -79,8 +81,8 @@ class Plan(Motion):
 
     `sa.Tracking` leads the joints through the rows along quintic splines, which arrive:
     `arrival_error` says how exactly. `nearest` and `certificate` are of these splines, rounding
-    included, and so are limits and contacts of the arm's own bodies. Obstacles are checked along
-    the straight lines between the rows, which keep the velocity limits of the URDF.
+    included, and so are limits and contacts, obstacles included. The straight lines between the
+    rows keep the velocity limits of the URDF.
 
     Attributes:
         method: The method that found it.
@@ -193,7 +195,32 @@ class Plan(Motion):
         off = max(float(np.linalg.norm(a.translation - b.translation)) for a, b in pairs)
         return ArrivalError(off, float(np.linalg.norm(pin.log3(T.T @ end.base.rotation))))
 
-    @property
+    @cached_property
+    def swept(self) -> SweptMotion:
+        """What is flown, as checks of collisions see it."""
+        start, T = self[0], self[0].base.rotation
+        if len(self) == 1:
+            return Floating([start], self.t)
+        steps = self._flown.steps(0.5)
+        floats, drift = self.mode == FLOATING, self.momentum[0, :3] / self.arm.mass
+        rows = [cfg.base.rotation for cfg in self]
+
+        def base(u: float) -> pin.SE3:
+            i, t = min(int(u), len(self) - 1), float(np.interp(u, np.arange(len(self)), self.t))
+            R = rows[i] if floats else T
+            if floats and t > self.t[i]:
+                share = (t - self.t[i]) / (self.t[i + 1] - self.t[i])
+                times = np.linspace(self.t[i], t, 2 + int(steps[i] * share))
+                R = self._flown.attitudes_from(R, times)[-1]
+            pose = placed(start, self.spline(t), R).base
+            return pin.SE3(pose.rotation, pose.translation + t * drift)
+
+        arm = self.arm if floats else boundless(self.arm)
+        turning = self._flown.turning if floats else 0.0
+        points = of_spline(self.spline, np.inf)
+        return Flown(arm, points, self.t, base, turning, float(np.linalg.norm(drift)))
+
+    @cached_property
     def _flown(self) -> FlownRows:
         return FlownRows(self[0], self.t, self.q, self.wheels, self.final_rates)
 

@@ -12,8 +12,6 @@ import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
 from spacearm.arrays import Array
-from spacearm.collisions.separation import Collisions
-from spacearm.collisions.swept_motion import Recorded
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import inverse_dynamics, momentum_and_torque
 from spacearm.mechanics.floating import attitudes, placed, walk
@@ -21,6 +19,7 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
+from spacearm.planning.problem import ROUNDING, contact_as_flown
 from spacearm.planning.reactions import Wheels, load_of
 from spacearm.planning.result import Plan, landed
 from spacearm.planning.strategies.attitude_held import slowed
@@ -390,18 +389,18 @@ def _broken(before: Motion, timed: Motion) -> str | None:
     """Return what a plan keeps and its timed motion does not, in words; None where all is kept."""
     if not isinstance(before, Plan) or not isinstance(timed, Plan):
         return None
-    arm = timed.arm
-    over = np.maximum(timed.q - arm.upper, arm.lower - timed.q).max(axis=0)
-    allowed = np.maximum(before.q - arm.upper, arm.lower - before.q).max(axis=0)
-    if (over > np.maximum(allowed, 0.0)).any():
+    arm, points = timed.arm, timed.control_points
+    over, allowed = (
+        np.maximum(way - arm.upper, arm.lower - way).max(axis=(0, 1))
+        for way in (points, before.control_points)
+    )
+    if (over > np.maximum(allowed, 0.0) + ROUNDING).any():
         name = arm.joint_names[int((over - allowed).argmax())]
         return f"joint {name!r} goes {over.max():.2g} beyond its limit"
     if (proof := before.certificate) is not None:
         least = min(before.clearance, proof.clearance)
-        flown = prove_way(arm, timed.mode, timed.control_points, least)
+        flown = prove_way(arm, timed.mode, points, least)
         if proof and flown is not None and not flown:
             return f"only {angle(flown.clearance, down=True)} to singular postures are proven"
-    if before.apart:
-        contact = Collisions(arm, before.obstacles).contact(Recorded(timed))
-        return None if contact is None else str(contact)
-    return None
+    contact = contact_as_flown(timed) if before.apart else None
+    return None if contact is None else str(contact)

@@ -26,9 +26,10 @@ from spacearm.planning.optimiser import Corners
 
 SEARCHES, WIDTHS = 300, (0.6, 1.5, 3.0)
 """Searches for postures at the goal, for each size of the turns to their attitudes [rad]."""
-ENDS, OTHERS = 150, 80
-"""Postures at the goal, half of them those of the least turns, and others."""
-DRAWN = 800
+ENDS, IN_SIGHT, OTHERS = 150, 40, 40
+"""Postures at the goal, half of them those of the least turns; others to which the straight way
+from the start is free, and others anywhere."""
+DRAWN = 400
 """Postures of which the others are taken."""
 ALONG = np.linspace(0.0, 1.0, 33)[:, None]
 """Shares of a piece at which it is checked for singularities."""
@@ -82,12 +83,16 @@ class Roadmap:
         self._start, self.q = len(ends), np.vstack((ends, finder.start.q, self._others()))
         self._travel, self._turn = self._joined()
         self._apart: dict[tuple[int, int], bool] = {}
+        for i in np.flatnonzero(np.isfinite(self._travel[self._start])):
+            if self._meet(self._start, int(i)):
+                self._travel[self._start, i] = self._travel[i, self._start] = np.inf
 
     def guesses(self) -> Iterator[Guess]:
         """Yield ways that nearly arrive, shortest first.
 
-        Pieces are looked at for contacts of the arm's own bodies only where a way needs them, as
-        in Bohlin & Kavraki's lazy roadmaps, IEEE Int. Conf. Robot. Autom. (2000), 521-528.
+        But for those from the start, pieces are looked at for contacts of the arm's own bodies only
+        where a way needs them, as in Bohlin & Kavraki's lazy roadmaps, IEEE Int. Conf. Robot.
+        Autom. (2000), 521-528.
         """
         if not self._start:
             return
@@ -114,7 +119,7 @@ class Roadmap:
             about = loops.nodes[loop[i]].tolist() if times else []
             by, end = rests.nodes[rest[i]].tolist()
             pieces = pairwise((self._start, *about, self._start, by, end))
-            if all(self._looks_apart(*piece) for piece in pieces):
+            if all(self._free_of_contacts(*piece) for piece in pieces):
                 yield self._guess(self.q[about], times, self.q[[by, end]])
 
     def _ends(self) -> tuple[Rotation, Array]:
@@ -128,11 +133,12 @@ class Roadmap:
         return Rotation.from_matrix(turn[some]), Q[some]
 
     def _others(self) -> Array:
-        """Return regular postures (<= OTHERS, n) in which no bodies of the arm meet."""
+        """Return regular postures (m, n) in which no bodies of the arm meet."""
         free, least, bodies = self.finder.free, self.finder.target.clearance, self._collisions
         Q = free.draw(DRAWN, self.finder.rng)
         Q = Q[free.least_distance(Q[:, None]) > least][: 2 * OTHERS]
-        return Q[[not (bodies and bodies.touch(q)) for q in Q]][:OTHERS]
+        apart = Q[[not (bodies and bodies.touch(q)) for q in Q]][:OTHERS]
+        return np.vstack((self.finder.in_sight(4 * IN_SIGHT)[:IN_SIGHT], apart))
 
     def _joined(self) -> tuple[Array, Array]:
         """Join the postures by straight pieces.
@@ -191,15 +197,19 @@ class Roadmap:
         """Return the turns of the spacecraft from postures to others."""
         return Rotation.from_quat(self._turn[a, b].reshape(-1, 4))
 
-    def _looks_apart(self, a: int, b: int) -> bool:
-        """Tell whether bodies of the arm meet at no point looked at of a piece."""
+    def _free_of_contacts(self, a: int, b: int) -> bool:
+        """Tell whether bodies of the arm are proven to meet nowhere on a piece."""
         bodies, piece = self._collisions, (min(a, b), max(a, b))
         if bodies is None or a == b:
             return True
         if piece not in self._apart:
-            points = self.q[a] + LOOKED_AT * (self.q[b] - self.q[a])
-            self._apart[piece] = not any(bodies.touch(q) for q in points)
+            self._apart[piece] = not self._meet(a, b) and bodies.contact(self.q[[a, b]]) is None
         return self._apart[piece]
+
+    def _meet(self, a: int, b: int) -> bool:
+        """Tell whether bodies of the arm meet where they are looked at on a piece."""
+        points = self.q[a] + LOOKED_AT * (self.q[b] - self.q[a])
+        return self._collisions is not None and any(self._collisions.touch(q) for q in points)
 
     def _guess(self, loop: Array, times: int, rest: Array) -> Guess:
         """Return a loop by corners (2, n), run through some times, and the rest (2, n) as a guess.

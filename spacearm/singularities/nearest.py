@@ -354,13 +354,17 @@ class NearestSearch:
 
     def nearest(self) -> Array | None:
         """Return the best offset (n,) of descents from starts about the origin, or None."""
+        return next(iter(self.ends()), None)
+
+    def ends(self) -> Array:
+        """Return the offsets (m, n) that descents about the origin reach, the nearest first."""
         rng, reach = np.random.default_rng(0), REACH
         ends = []
         for m in STARTS:
             X, merit = self.descended(self.within(_ball(rng, m, self.arm.n, reach)))
             ends.append(X)
             reach = min(reach, BEYOND * float(merit.min()))
-        return self.settled(np.concatenate(ends))
+        return self.reached(np.concatenate(ends))
 
     def within(self, X: Array) -> Array:
         """Move offsets (m, n) into the limits."""
@@ -424,10 +428,14 @@ class NearestSearch:
 
     def settled(self, X: Array) -> Array | None:
         """Return the nearest offset (n,) of the set that is reached along it from X, or None."""
+        return next(iter(self.reached(X)), None)
+
+    def reached(self, X: Array) -> Array:
+        """Return the offsets (m, n) of the set that are reached along it from X, nearest first."""
         X = self.onto(X, LANDING)
         X = self.rested(_apart(X, self.project(X)[1], ENDS))
         X = X[~np.isnan(X[:, 0])]
-        return X[np.argmin(np.linalg.norm(X, axis=1))] if len(X) else None
+        return _apart(X, np.linalg.norm(X, axis=1), ENDS)
 
     def rested(self, X: Array) -> Array:
         """Move offsets (m, n) along the set until they rest; NaN where there is none.
@@ -495,7 +503,7 @@ def _apart(X: Array, merit: Array, most: int) -> Array:
             chosen.append(x)
         if len(chosen) == most:
             break
-    return np.array(chosen)
+    return np.array(chosen).reshape(-1, X.shape[1])
 
 
 LOST = 1e-10

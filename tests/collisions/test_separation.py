@@ -412,3 +412,11 @@ def test_an_arm_of_too_many_shapes_is_refused_before_its_pairs_are_listed():
     with pytest.warns(sa.ModelWarning, match="drawn as plain bodies"):
         viewer = sa.view(arm.at([0.1, 0.2]), open=False)
     assert viewer.about()["contacts"].startswith("collisions not checked")
+
+
+def test_distances_do_not_depend_on_what_was_asked_before():
+    bodies, Q = Collisions(sa.load("mda6")), np.random.default_rng(0).uniform(-2, 2, (10, 6))
+    first = bodies.distances(Q[0])
+    for q in Q:
+        bodies.distances(q)
+    np.testing.assert_array_equal(bodies.distances(Q[0]), first)

@@ -4,14 +4,16 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from helpers.replay import replay
 
 import spacearm as sa
-from spacearm.collisions.separation import collision_geometry
-from spacearm.collisions.swept_motion import Curved
-from spacearm.mechanics.floating import walk
-from spacearm.planning.problem import broken_as_flown
+from spacearm.collisions.separation import Collisions, collision_geometry
+from spacearm.collisions.swept_motion import Curved, Recorded
+from spacearm.mechanics.floating import placed, walk
+from spacearm.planning.many_curves import FlownRows
+from spacearm.planning.problem import broken_as_flown, contact_as_flown
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import landed
 
@@ -85,3 +87,60 @@ def test_a_row_on_the_way_is_passed_with_its_attitude_as_flown():
     np.testing.assert_array_equal(bent.q[[0, row, -1]], q[[0, row, -1]])
     end, _ = replay(bent)
     np.testing.assert_allclose(end.base.rotation, rows[-1].base.rotation, atol=1e-7)
+
+
+def by_hand(arm, q, rate, momentum):
+    """A plan through rows, the spacecraft where it is as flown."""
+    rows = walk(arm.at(q[0]).centred(np.zeros(3)), q)
+    rates, h = np.full(arm.n, rate), np.array(momentum)
+    plan = sa.Plan.of_rows("by hand", rows, rates, momentum=h)
+    flown = FlownRows(plan[0], plan.t, plan.q, plan.wheels, plan.final_rates).attitudes()
+    rows = [placed(plan[0], *row) for row in zip(q, flown, strict=True)]
+    return sa.Plan.of_rows("by hand", rows, rates, momentum=h)
+
+
+@pytest.mark.slow
+def test_obstacles_are_met_where_splines_lead_and_not_where_lines_do():
+    """Balls at the side of the first link, where the spline turns back between two rows."""
+    s = np.linspace(0.0, 1.0, 6)[:, None]
+    q = np.array([0.3, 1.2]) + 0.08 * np.sin(2.6 * s + 0.26) * [1.0, 0.0] + s * [0.1, 0.5]
+    plan = by_hand(sa.load("planar2"), q, 0.3, np.zeros(6))
+    swept, u = plan.swept, np.linspace(0.0, len(plan) - 1.0, 600)
+
+    def side(q, base):
+        return base.act(
+            np.array([0.5, 0.0, 0.0]) + pin.rpy.rpyToMatrix(0, 0, q[0])[:, :2] @ [0.8, 0.06]
+        )
+
+    flown = np.array([side(swept.joints(x), swept.base(x)) for x in u])
+    out = np.cross([0.0, 0.0, 1.0], flown[0]) / np.linalg.norm(flown[0])
+    i = int((flown @ out).argmax())
+    nearby, verdicts = u[max(i - 60, 0) : i + 60 : 4], []
+    for height in (-2e-4, *np.linspace(0.0, 3e-4, 7), 5e-3):
+        ball = sa.Obstacle.sphere(1e-7, sa.pose(flown[i] + height * out))
+        bodies = Collisions(plan.arm, [ball])
+        least = min(bodies.margins(swept, x).min() for x in nearby)
+        met = contact_as_flown(replace(plan, obstacles=(ball,))) is not None
+        assert met or least > -1e-9
+        assert sa.collision_check(plan, ball).apart is not met
+        verdicts.append((met, bodies.contact(Recorded(plan)) is not None))
+    assert {(True, True), (True, False), (False, False)} <= set(verdicts)
+
+
+@pytest.mark.parametrize("name", ["planar2", "mda6"])
+def test_bodies_move_no_farther_than_swept_says(name):
+    """Origins of bodies on splines, with momentum, and where the spacecraft is at the rows."""
+    arm, rng = sa.load(name), np.random.default_rng(3)
+    q = np.cumsum(rng.normal(scale=0.05, size=(8, arm.n)), axis=0) + np.linspace(0.2, 0.6, arm.n)
+    plan = by_hand(arm, q, 0.2, [2.0, 1.0, 0.0, 0.0, 0.0, 3.0])
+    swept, bodies, data = plan.swept, collision_geometry(arm).bodies, arm.model.createData()
+    for i, most in enumerate(swept.swept(bodies).T):
+        places = []
+        for x in np.linspace(i, i + 1, 20):
+            cfg = arm.at(swept.joints(x), base=swept.base(x))
+            pin.forwardKinematics(arm.model, data, cfg.full)
+            places.append([data.oMi[body.joint].act(body.pose.translation) for body in bodies])
+        ways = np.linalg.norm(np.diff(places, axis=0), axis=2).sum(axis=0)
+        assert (ways <= most).all()
+        there = pin.SE3ToXYZQUAT(swept.base(i + 1 - 1e-12))
+        np.testing.assert_allclose(np.abs(there), np.abs(plan.base[i + 1]), atol=1e-8)

@@ -10,6 +10,7 @@ from helpers.commands import spacearm
 from helpers.replay import replay
 
 import spacearm as sa
+from spacearm.planning.methods import METHODS
 from spacearm.planning.optimiser import CurveFamily, CurveOptimiser, Sines, Target
 from spacearm.planning.timing import largest_rates, rest_to_rest_times
 from spacearm.plots.motions import draw_motion
@@ -324,7 +325,6 @@ def test_bad_input(arm, options, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"method": "magic"}, "'magic'"),
         ({"timeout": 0.0}, "timeout is 0"),
         ({"timeout": "x"}, "timeout is 'x'"),
         ({"seed": -1}, "seed is -1"),
@@ -333,6 +333,14 @@ def test_bad_input(arm, options, message):
 def test_a_search_that_makes_no_sense(options, message):
     with pytest.raises(sa.ConfigurationError, match=message):
         sa.Search(**options)
+
+
+def test_a_method_that_is_added_is_known_at_once(arm, monkeypatch):
+    with pytest.raises(sa.ConfigurationError, match="unknown method 'magic'"):
+        sa.plan(arm.at([0.3, 1.2]), (0.9, 1.4), search=sa.Search(method="magic"))
+    monkeypatch.setitem(METHODS, "magic", METHODS["straight"])
+    found = sa.plan(arm.at([0.3, 1.2]), (0.9, 1.4), search=sa.Search(method="magic"))
+    assert found.method == "magic"
 
 
 def test_constraints_that_make_no_sense():

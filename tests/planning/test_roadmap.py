@@ -57,19 +57,21 @@ def test_the_derivatives_of_contacts_and_ends_are_those_of_differences():
 
 
 @pytest.mark.parametrize("name", ["mda6", "chaser7", "planar3"])
-def test_guesses_lead_near_the_goal_clear_of_singularities(name):
+def test_guesses_lead_near_the_goal_clear_of_singularities_and_contacts(name):
     arm, rng = sa.load(name), np.random.default_rng(2)
     q = np.radians([0, 60, -100, -50, 30, 0, 20])[: arm.n]
     start = arm.at(q).centred(np.zeros(3))
     turn = 1.0 * np.eye(3)[2]
     tip = arm.at(q + 0.2, base=pin.SE3(pin.exp3(turn), np.zeros(3))).centred(np.zeros(3)).tip
     target = Target(tip, None, None, 1e-3, arm.lower, arm.upper)
-    finder = GuessFinder(start, target, 3, rng)
+    bodies = Collisions(arm)
+    finder = GuessFinder(start, target, 3, rng, collisions=bodies)
     guesses = list(islice(Roadmap(finder).guesses(), 20))
     assert guesses
     for guess in guesses:
         corners = finder.points(guess)
         assert guess.room > target.clearance
+        assert bodies.contact(corners) is None
         end = walk(start, corners)[-1]
         far = max(1.0, float(np.linalg.norm(end.tip.translation)))
         assert np.linalg.norm(target.missed(start, end)) < 2.0 * GAP * far

@@ -169,7 +169,7 @@ def test_the_command_leads_both_tips_and_draws_them(arm, tmp_path):
 BAD = {
     "unknown tip 'middle'": lambda start, _: sa.plan(start, {"middle": (0, 0)}),
     "goal is empty": lambda start, _: sa.plan(start, {}),
-    "leave out method": lambda start, goals: sa.plan(
+    "unknown method 'cycles'": lambda start, goals: sa.plan(
         start, goals, search=sa.Search(method="cycles")
     ),
     "keep_attitude": lambda start, goals: sa.plan(

@@ -13,9 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from spacearm.arrays import Array
+from spacearm.errors import ConfigurationError, unknown
 from spacearm.planning.account import Attempts, SearchAccount
 from spacearm.planning.methods import METHODS
-from spacearm.planning.problem import Problem, Rows, recheck
+from spacearm.planning.problem import Problem, Rows
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.resolved_motion import reactionless
@@ -28,6 +29,7 @@ def at_rest(request: PlanRequest) -> Plan:
     """Return a plan at zero momentum.
 
     Raises:
+        ConfigurationError: The method asked for is none of those that there are.
         NoSolutionError: None was found; carries the best attempt.
         StoppedError: Ctrl-C; carries the best attempt.
     """
@@ -43,10 +45,13 @@ def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]
     """Return the plan of the first method that gives one, in order; in rounds until the time is up.
 
     Raises:
+        ConfigurationError: Another method is asked for.
         NoSolutionError: None does; carries the best attempt.
         StoppedError: Ctrl-C; carries the best attempt.
     """
     account, asked = problem.account, problem.request.search.method
+    if asked not in ("auto", *methods):
+        raise ConfigurationError(unknown("method", asked, ("auto", *methods)))
     attempts = Attempts(account)
     for name in attempts.each(_in_rounds(methods, asked, account)):
         with attempts.at(name):
@@ -60,7 +65,7 @@ def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]
             wanted = problem.target.attitude if problem.target.tip is None else None
             found = paced(landed(found, wanted), problem.rates)
             problem.check([*found])
-            return problem.arrived(recheck(found, account), attempts.stories)
+            return problem.arrived(found, attempts.stories)
     rounds = f"{account.rounds + 1} rounds" if account.rounds else "1 round"
     parts = (f"no plan found in {account.elapsed:.1f} s, {rounds}", account.verdict, attempts.told)
     raise account.failure(

@@ -10,25 +10,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.description.bodies import Inertial
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.dynamics import momentum_and_torque
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
-from spacearm.planning.reactions import ROOT, Wheels, load_of
+from spacearm.planning.reactions import Wheels, boundless, load_of
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan
 from spacearm.planning.strategies.drift import stretched
 from spacearm.planning.timing import flown_spline
 
-BOUNDLESS = 1e9
-"""Moment of inertia of a spacecraft that does not turn, over what the system has."""
 TRIES, SLACK, ROUND_UP = 4, 1.05, 1.0 + 1e-9
 """Durations tried where the way depends on them, the room of the next, and that for rounding."""
 
@@ -81,17 +77,6 @@ def attitude_held(request: PlanRequest, floating: Callable[[PlanRequest], Plan])
         f"{cfg.arm.name}: {why} along each of the {TRIES} ways found; give a longer duration",
         _held(cfg, found, wheels),
     )
-
-
-@lru_cache(maxsize=16)
-def boundless(arm: SpaceArm) -> SpaceArm:
-    """Return an arm on a spacecraft that no joint motion turns, of the same mass and CM."""
-    system = kinematics(arm, np.clip(np.zeros(arm.n), arm.lower, arm.upper), pin.SE3.Identity())
-    largest = BOUNDLESS * float(np.linalg.norm(system.A[3:, 3:6], 2))
-    tree = arm.whole.with_spacecraft(None, np.eye(3))
-    body = tree.pinocchio().inertias[ROOT]
-    heavy = Inertial(body.mass, pin.SE3(np.eye(3), body.lever), largest * np.eye(3))
-    return arm.on(replace(tree, links={**tree.links, tree.root: heavy}))
 
 
 def slowed(arm: SpaceArm, t: Array, q: Array, wheels: Wheels) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from scipy.optimize import linprog
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
 from spacearm.planning.account import Attempts
-from spacearm.planning.problem import Problem, recheck
+from spacearm.planning.problem import Problem
 from spacearm.planning.reactions import Wheels
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
@@ -183,7 +183,7 @@ class Detumbling:
         found = timed(self.request, problem, METHOD, rows, t, wheels, np.zeros(len(problem.rates)))
         self.best = found = landed(replace(found, wheel_load=landing.bounds.load(motion)))
         problem.check([*found])
-        return recheck(problem.arrived(found, self.attempts.failed), self.account)
+        return problem.arrived(found, self.attempts.failed)
 
 
 def least_time(wheels: Wheels, momentum: Array, attitude: Array | None) -> float:

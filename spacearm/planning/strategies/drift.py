@@ -37,7 +37,7 @@ from spacearm.planning.many_curves import (
     spacecraft_turns,
 )
 from spacearm.planning.optimiser import ARRIVED, Target
-from spacearm.planning.problem import Problem, Rows, recheck
+from spacearm.planning.problem import Problem, Rows, contact_as_flown
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.at_rest import at_rest
@@ -234,7 +234,7 @@ class Drift:
             self._lasts *= 1.0 if self.request.duration else float(over.max())
             name = found.arm.joint_names[int(over.argmax())]
             raise NoSolutionError(f"joint {name!r} moves at {over.max():.3g} times its limit")
-        return recheck(problem.arrived(found, self.attempts.failed), self.account)
+        return problem.arrived(found, self.attempts.failed)
 
     @cached_property
     def _spin(self) -> Array:
@@ -300,7 +300,11 @@ def stretched(plan: Plan, duration: float, account: SearchAccount) -> Plan:
     """
     if plan.t[-1] > duration:
         raise NoSolutionError(f"{plan.arm.name}: {_late(plan, duration)}", plan)
-    return recheck(replace(plan, t=plan.t / plan.t[-1] * duration), account)
+    plan = replace(plan, t=plan.t / plan.t[-1] * duration)
+    moving = any(obstacle.moves for obstacle in plan.obstacles)
+    if moving and (contact := contact_as_flown(plan, account.check_time)):
+        raise NoSolutionError(f"{plan.arm.name}: {contact}", replace(plan, apart=None))
+    return plan
 
 
 def _late(plan: Plan, duration: float) -> str:

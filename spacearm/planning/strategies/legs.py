@@ -14,7 +14,7 @@ import numpy as np
 
 from spacearm.errors import NoSolutionError
 from spacearm.planning.account import Attempts
-from spacearm.planning.problem import broken_as_flown, recheck
+from spacearm.planning.problem import broken_as_flown, covered
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.at_rest import at_rest, paced
@@ -55,7 +55,7 @@ def by_way_of_goals(request: PlanRequest) -> Plan:
             whole = paced(whole, request.constraints.joint_rates(whole.arm))
             if broken := broken_as_flown(whole, request):
                 raise NoSolutionError(broken[1], whole)
-            return recheck(whole, request.account)
+            return covered(whole, request.constraints.collisions)
     told = dict.fromkeys(f"{method}: {why}" for method, _, why in attempts.failed)
     nothing = f"{request.start.arm.name}: no leg found in {request.account.elapsed:.1f} s"
     best = attempts.best if isinstance(attempts.best, Plan) else best_attempt(request.start, None)

@@ -22,7 +22,6 @@ from spacearm.planning.result import Plan
 from spacearm.planning.strategies.at_rest import by_methods
 from spacearm.planning.strategies.resolved_motion import Aim, Bias, Resolved
 
-METHODS = ("auto", "straight", "joint space")
 WIDTHS = (0.5, 1.0, 2.0, 3.0)
 """Sizes of the first guesses of joint motions [rad], [m], one after the other."""
 BENT = 0.5
@@ -39,15 +38,13 @@ def several_tips(request: PlanRequest) -> Plan:
     """Return a plan at zero momentum that leads several tips to their goals.
 
     Raises:
-        UnsupportedError: An attitude at the end is asked for, or another method.
+        ConfigurationError: A method for one tip is asked for.
+        UnsupportedError: An attitude at the end is asked for.
         NoSolutionError: None was found; carries the best attempt.
         StoppedError: Ctrl-C; carries the best attempt.
     """
-    if request.search.method not in METHODS or request.final_attitude is not None:
-        raise UnsupportedError(
-            "several tips are led by the methods 'straight' and 'joint space' and end with any "
-            "attitude; leave out method and final_attitude"
-        )
+    if request.final_attitude is not None:
+        raise UnsupportedError("several tips end with any attitude; leave out final_attitude")
     problem = Problem.of(request)
     aims = [Aim(*aim) for aim in request.aims.values()]
     resolved = Resolved(aims, (problem.target.lower, problem.target.upper))

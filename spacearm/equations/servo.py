@@ -1,0 +1,587 @@
+"""A tick of the servo: the wished twist of the tip as joint rates that keep away from the set.
+
+With J* = U diag(s) V^T, far from the singular set dq = J*^+ v. Nearer than `slow` only the
+direction u of the least singular value is slowed, by a share that falls to zero at `stop`, and the
+distance d to the set may fall no faster than
+
+    d' >= -(d - stop) / tau (1 - x),    x = (d - stop) / (slow - stop):
+
+what of dq leads faster towards the set is taken out; motions along it and away stay. Null spaces
+raise the distance. Then the rates are scaled so that rates, accelerations and the momentum that
+wheels take up keep their limits, and so that an arm that brakes from now on stays within its limits
+of position and beyond `stop`. A change of direction that the accelerations do not allow is mixed
+with braking instead. Braking is always allowed by what held a tick before.
+
+The distance is that to singular postures that are followed from tick to tick: three, the nearest
+that are known, and two scouts that set out from the first-order estimate and at random, and take
+the place of the farthest when they come to rest nearer. So each of them is found, and the nearest
+of all is no farther. All angles x count in radians of each joint; see `model.joints.joint_scales`.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from spacearm.equations.kinematics import (
+    Parameters,
+    Posture,
+    Structure,
+    base_twist,
+    connection_at,
+    posture,
+    task_jacobian_at,
+)
+from spacearm.equations.laws import attitude
+from spacearm.equations.linear_algebra import bidiagonal, least_with_vectors, solve
+from spacearm.equations.measures import distance
+
+Frame = Literal["inertial", "spacecraft", "tip"]
+"""Axes in which the twist is given."""
+KEPT, SCOUTS = 3, 2
+"""Singular postures that are followed, and those that look for nearer ones."""
+SLOTS = KEPT + SCOUTS
+PATIENCE, SEARCH = 12, 60
+"""Ticks until a scout sets out again, and until motion begins after nothing was known."""
+ON, AT_REST, APART, STRIDE, ALONG = 0.01, 0.05, 0.05, 0.4, 0.7
+"""Residual up to which a posture is singular, step below which a scout is at rest, distance below
+which two are one, longest step [rad]; share of the way along the set that each tick takes."""
+BEYOND, WITHIN = 1.2, 1.5
+"""Scouts set out within this times the distance, and no farther than that [rad]."""
+EDGE = 0.02
+"""Share of `stop` beyond it at which rates towards the set end."""
+OUTWARD = 0.1
+"""Share of the rates that leads out within that edge."""
+NO_INVERSE = 1e-9
+"""Share of the norm of J* up to which its least singular value is zero."""
+DAMPING = 1e-5
+"""Damping of motions in the null space that keep the attitude, as a share of the trace."""
+LARGEST = 1e9
+"""Larger numbers are faults."""
+UNIT_LENGTH = 1e-3
+"""How far the square of a quaternion may be from 1."""
+JITTER = 2e-3
+"""What positions may jump besides twice the largest rates [rad]."""
+CAUSES = ("lost direction", "approach", "position", "stopping distance", "rate", "wheels",
+          "acceleration")  # fmt: skip
+"""What slows a motion, in the order of `Tick.shares`."""
+HALTS = ("", "q", "quaternion", "twist", "dt", "momentum", "jump", "search")
+"""What halts it, by `Tick.halt`."""
+
+
+class Seen(NamedTuple):
+    """What the servo is told at a tick.
+
+    Attributes:
+        q: (n,) joint positions [rad] or [m].
+        quaternion: (4,) attitude of the spacecraft, xyzw.
+        twist: (6 tips,) the wished twist of the tips [linear; angular].
+        dt: Time until the next tick [s].
+        momentum: (6,) momentum of spacecraft and arm, inertial axes.
+    """
+
+    q: Any
+    quaternion: Any
+    twist: Any
+    dt: Any
+    momentum: Any
+
+
+class Limits(NamedTuple):
+    """What the servo keeps.
+
+    Attributes:
+        lower: (n,) least joint positions [rad] or [m].
+        upper: (n,) largest ones.
+        rate: (n,) largest rates [rad/s] or [m/s].
+        acceleration: (n,) largest accelerations [rad/s^2] or [m/s^2].
+        stop: Distance to the set that is kept [rad].
+        slow: Distance from which on nothing is slowed [rad].
+        tau: Time constant of the approach [s].
+        wheels: Largest angular momentum of the moving arm that wheels take up [N m s].
+        longest: Longest time of a tick [s].
+        fading: As of `measures.distance`.
+        radians: (n,) what counts as a radian of each joint.
+    """
+
+    lower: Any
+    upper: Any
+    rate: Any
+    acceleration: Any
+    stop: Any
+    slow: Any
+    tau: Any
+    wheels: Any
+    longest: Any
+    fading: Any
+    radians: Any
+
+
+class Memory(NamedTuple):
+    """What the servo remembers between ticks.
+
+    Attributes:
+        rates: (n,) the last joint rates [rad/s] or [m/s].
+        q: (n,) the last joint positions [rad] or [m].
+        dt: The last time of a tick [s].
+        points: (SLOTS, n) singular postures that are followed, and scouts, in radians.
+        ages: (SLOTS,) ticks since each set out; of those that are followed 0.
+        count: Ticks since the search began; negative where nothing is known.
+    """
+
+    rates: Any
+    q: Any
+    dt: Any
+    points: Any
+    ages: Any
+    count: Any
+
+
+class Tick(NamedTuple):
+    """What a tick gives.
+
+    Attributes:
+        rates: (n,) joint rates [rad/s] or [m/s].
+        distance: To the nearest singular posture that is followed [rad]; inf if there is none.
+        nearest: (n,) that posture [rad] or [m].
+        away: (n,) joint motion that leads away from it, per radian of distance.
+        lost: (6 tips,) direction of the tip's twist that is being lost, towards the set, in the
+            axes of the wished twist.
+        closing: Rate at which the distance falls [rad/s].
+        done: Share of the wished twist that is done.
+        shares: (7,) what each of `CAUSES` leaves of the motion.
+        halt: Which of `HALTS` it is.
+    """
+
+    rates: Any
+    distance: Any
+    nearest: Any
+    away: Any
+    lost: Any
+    closing: Any
+    done: Any
+    shares: Any
+    halt: Any
+
+
+class Followed(NamedTuple):
+    """A posture on its way along the set.
+
+    Attributes:
+        point: (n,) where it goes [rad].
+        offset: (n,) of the nearest point of the set linearised there, from the arm's posture.
+        far: Residual: its own distance from the set.
+        way: Length of the step that it would take.
+    """
+
+    point: Any
+    offset: Any
+    far: Any
+    way: Any
+
+
+def shapes(kind: Any, n: int, tips: int) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the fields of `Seen`, `Limits`, `Memory` or `Tick`."""
+    numbers = ("dt", "stop", "slow", "tau", "wheels", "longest", "fading", "count", "distance",
+               "closing", "done", "halt")  # fmt: skip
+    known: dict[str, tuple[int, ...]] = dict.fromkeys(numbers, ())
+    known |= {"quaternion": (4,), "momentum": (6,), "twist": (6 * tips,), "lost": (6 * tips,)}
+    known |= {"points": (SLOTS, n), "ages": (SLOTS,), "shares": (len(CAUSES),)}
+    return {name: known.get(name, (n,)) for name in kind._fields}
+
+
+def size(kind: Any, n: int, tips: int) -> int:
+    """Return how many numbers such a tuple holds."""
+    return sum(int(np.prod(shape)) for shape in shapes(kind, n, tips).values())
+
+
+def packed(values: Any, xp: Any = np) -> Any:
+    """Return the fields of a tuple one after the other."""
+    return xp.concatenate([xp.asarray(value).reshape(-1) for value in values])
+
+
+def unpacked(kind: Any, values: Any, n: int, tips: int) -> Any:
+    """Return a tuple of what `packed` joined."""
+    found, begin = [], 0
+    for shape in shapes(kind, n, tips).values():
+        size = int(np.prod(shape))
+        found.append(values[begin : begin + size].reshape(shape) if shape else values[begin])
+        begin += size
+    return kind(*found)
+
+
+def flat_step(
+    xp: Any, tree: Structure, p: Parameters, *, given: Any, limits: Any, frame: Frame,
+    keep_attitude: bool,
+) -> Any:  # fmt: skip
+    """Take a tick: `Seen` and `Memory` packed to `Tick` and `Memory` packed."""
+    n, tips = tree.n, len(tree.tips)
+    first = size(Seen, n, tips)
+    seen, memory = unpacked(Seen, given[:first], n, tips), unpacked(Memory, given[first:], n, tips)
+    kept = unpacked(Limits, limits, n, tips)
+    tick, memory = step(xp, tree, p, seen, kept, memory, frame, keep_attitude)
+    return packed((*tick, *memory), xp)
+
+
+def unknowing(n: int, q: Any) -> Memory:
+    """Return the memory of a servo at rest at q (n,) that knows no singular posture."""
+    zero = np.zeros(n)
+    return Memory(zero, q, 0.0, np.zeros((SLOTS, n)), np.full(SLOTS, 1.0 + PATIENCE), -1.0)
+
+
+def step(
+    xp: Any, tree: Structure, p: Parameters, seen: Seen, limits: Limits, memory: Memory,
+    frame: Frame, keep_attitude: bool,
+) -> tuple[Tick, Memory]:  # fmt: skip
+    """Take a tick.
+
+    Args:
+        xp: The array library.
+        tree: The structure of an arm with at least as many joints as the task has rows.
+        p: Its numbers.
+        seen: What is told.
+        limits: What is kept.
+        memory: Of the last tick.
+        frame: Axes of the twist.
+        keep_attitude: Whether the null space keeps the spacecraft's attitude.
+
+    Returns:
+        The rates and what is told of them, and the memory.
+    """
+    (q, quaternion, twist, dt, momentum), radians = seen, limits.radians
+    limits = limits._replace(**{
+        name: getattr(limits, name) / radians for name in ("lower", "upper", "rate", "acceleration")
+    })  # fmt: skip
+    last, before = memory.rates / radians, memory.q
+    square = (quaternion * quaternion).sum()
+    small = [xp.absolute(x).sum() <= LARGEST for x in (q, quaternion, twist, momentum)]
+    real = xp.logical_and(dt > 0.0, dt <= limits.longest)
+    tick = xp.where(real, dt, memory.dt)
+    began = memory.count >= 0.0
+    reach = 2.0 * limits.rate * tick + JITTER
+    moved = xp.absolute(q - before) / radians
+    still = _extreme(xp.logical_and, moved <= reach)
+    jumps = xp.logical_and(began, xp.logical_not(still))
+    unit = xp.absolute(square - 1.0) <= UNIT_LENGTH
+    sound = [small[0], xp.logical_and(small[1], unit), small[2], real, small[3]]
+    halt = 0.0
+    for number, right in reversed([*enumerate(sound, 1)]):
+        halt = xp.where(right, halt, 1.0 * number)
+    q = xp.where(small[0], q, before)
+    quaternion = xp.where(sound[1], quaternion, np.array([0.0, 0.0, 0.0, 1.0]))
+    twist, momentum = xp.where(small[2], twist, 0.0), xp.where(small[3], momentum, 0.0)
+
+    at, x = posture(xp, tree, p, q), q / radians
+    R = attitude(xp, quaternion)
+    J = task_jacobian_at(xp, tree, at) * radians
+    least = least_with_vectors(xp, J)
+    estimate = distance(xp, tree, p, q, limits.fading, radians)
+    fresh = xp.logical_or(jumps, xp.logical_not(began))
+    count = xp.where(fresh, 0.0, memory.count + 1.0)
+    follow = _follower(xp, tree, p, x, limits.fading, radians)
+    known, points, ages = _follow(xp, follow, x, estimate, memory, fresh, count, limits.stop)
+    searching = count < SEARCH
+    halt = xp.where(halt > 0.0, halt, xp.where(jumps, 6.0, xp.where(searching, 7.0, 0.0)))
+
+    far, offset = _nearest(xp, known)
+    away = -offset * (1.0 / xp.where(xp.logical_and(far > 0.0, far < np.inf), far, 1.0))
+    away = xp.where(far > 0.0, away, estimate[2][0])
+    turns = _axes(frame, R, at, len(tree.tips))
+    wished = _turned(xp, turns, twist) - _drift(xp, tree, at, R, momentum)
+    v = tree.scale[:, 0] * wished[np.array(tree.rows)]
+    y, slowed = _resolved(xp, J, least, v, far, away, limits)
+    if keep_attitude:
+        y = y + _levelling(xp, least.null, connection_at(xp, tree, at) * radians, y)
+    elif least.null:
+        y = y + _raising(xp, least.null, y, far, away, limits)
+    asked = y
+    for _ in range(2):
+        for one in known:
+            y = _held_off(xp, y, one, limits)
+    turned = at.P[:, 3:].T @ tree.gains * radians
+
+    def allowed(y: Any) -> Any:
+        return _shares(xp, y, x, known, turned, tick, limits)
+
+    shares = allowed(y)
+    scaled = y * _extreme(xp.minimum, shares)
+    brake, by, goes = _accelerated(xp, scaled, last, tick, limits)
+    mixed = xp.where(_extreme(xp.minimum, allowed(goes)) >= 1.0 - 1e-9, goes, brake)
+    rates = xp.where(halt > 0.0, brake, mixed)
+    kept = _share(xp, (asked * y).sum(), (asked * asked).sum())
+    done = _share(xp, (v * (J @ rates)).sum(), (v * v).sum())
+    told = xp.concatenate([xp.stack([slowed, xp.minimum(kept, 1.0)]), shares, xp.stack([by])])
+    lost = _lost(xp, tree, turns, xp.where(least.v @ away > 0.0, -least.u, least.u))
+    tick_ = Tick(
+        radians * rates, far, radians * (x + offset), radians * away, lost, -(away @ rates), done,
+        told, halt,
+    )  # fmt: skip
+    return tick_, Memory(tick_.rates, q, tick, points, ages, count)
+
+
+def _follower(xp: Any, tree: Structure, p: Parameters, x: Any, fading: Any, radians: Any) -> Any:
+    """Return a function that takes a posture (n,) a step along the set, towards x (n,)."""
+
+    def follow(point: Any) -> tuple[Any, Any, Any, Any]:
+        far, _, rows = distance(xp, tree, p, radians * point, fading, radians)
+        X = point - x
+        along, first = rows @ X, xp.where(far < np.inf, far, 0.0) * np.eye(len(rows))[0]
+        offset = (along - first) @ rows
+        onto, aside = -first @ rows, along @ rows - X
+        way = onto + ALONG * aside
+        size = _norm(xp, way)
+        short = xp.where(size > STRIDE, STRIDE / xp.where(size > 0.0, size, 1.0), 1.0)
+        there = xp.logical_and(far < LARGEST, size < LARGEST)
+        return (
+            xp.where(there, point + short * way, np.inf), offset, xp.where(there, far, np.inf),
+            _norm(xp, offset - X),
+        )  # fmt: skip
+
+    called = xp.procedure(follow)
+    return lambda point: Followed(*called(point))
+
+
+def _follow(
+    xp: Any, follow: Any, x: Any, estimate: Any, memory: Memory, fresh: Any, count: Any, stop: Any
+) -> tuple[list[Followed], Any, Any]:
+    """Take a step with all postures that are followed; scouts set out, or take a place."""
+    found = [follow(memory.points[i]) for i in range(SLOTS)]
+    ages = [xp.where(fresh, 1.0 + PATIENCE, memory.ages[i]) for i in range(SLOTS)]
+    sizes = [_size(xp, one, age) for one, age in zip(found, ages, strict=True)]
+    kept = list(found[:KEPT])
+    for i in range(KEPT):  # two that have become one
+        same = [_distance(xp, kept[i].point, kept[j].point) < APART for j in range(i)]
+        for one in same:
+            sizes[i] = xp.where(one, np.inf, sizes[i])
+    nearest = _extreme(xp.minimum, sizes[:KEPT])
+    wide = xp.minimum(BEYOND * xp.maximum(nearest, stop), WITHIN)
+    hint = x - xp.where(estimate[0] < WITHIN, estimate[0], WITHIN) * estimate[2][0]
+    spread = np.array([_root(len(x)) ** -(j + 1.0) for j in range(len(x))]) * count
+    chance = x + wide * sqrt(3.0 / len(x)) * (2.0 * (spread - xp.floor(spread)) - 1.0)
+    points = [one.point for one in found]
+    for i, start in zip(range(KEPT, SLOTS), (hint, chance), strict=True):
+        scout = found[i]
+        apart = sizes[i] < np.inf
+        for j in range(KEPT):
+            other = _distance(xp, scout.point, points[j]) > APART
+            apart = xp.logical_and(apart, xp.logical_or(other, xp.logical_not(sizes[j] < np.inf)))
+        rests = xp.logical_and(apart, scout.way < AT_REST)
+        worst, place = sizes[0], 0.0 * stop
+        for j in range(1, KEPT):
+            farther = sizes[j] > worst
+            worst, place = xp.where(farther, sizes[j], worst), xp.where(farther, 1.0 * j, place)
+        takes = xp.logical_and(rests, sizes[i] < worst)
+        for j in range(KEPT):
+            mine = xp.logical_and(takes, xp.absolute(place - j) < 0.5)
+            points[j] = xp.where(mine, scout.point, points[j])
+            kept[j] = Followed(*(xp.where(mine, a, b) for a, b in zip(scout, kept[j], strict=True)))
+            sizes[j], ages[j] = xp.where(mine, sizes[i], sizes[j]), xp.where(mine, 0.0, ages[j])
+        on_the_way = xp.logical_and(ages[i] < PATIENCE, scout.far < np.inf)
+        goes = xp.logical_and(on_the_way, xp.logical_not(takes))
+        points[i] = xp.where(goes, scout.point, start)
+        ages[i] = xp.where(goes, ages[i] + 1.0, 0.0)
+    known = []
+    for j in range(KEPT):
+        there = sizes[j] < np.inf
+        offset = xp.where(there, kept[j].offset, 0.0)
+        known.append(kept[j]._replace(offset=offset, far=xp.where(there, sizes[j], np.inf)))
+        ages[j] = xp.where(there, 0.0, 1.0 + PATIENCE)
+        points[j] = xp.where(kept[j].far < np.inf, points[j], x)
+    return known, xp.stack(points), xp.stack(ages)
+
+
+def _size(xp: Any, one: Followed, age: Any) -> Any:
+    """Return how far a posture on the set is, inf of one that is not on it or not in use."""
+    on = xp.logical_and(one.far < ON, age < 1.0 + PATIENCE)
+    return xp.where(on, _norm(xp, one.offset), np.inf)
+
+
+def _root(n: int) -> float:
+    """Return the root of z^(n + 1) = z + 1, whose powers spread points evenly (Roberts, 2018)."""
+    z = 2.0
+    for _ in range(60):
+        z = (1.0 + z) ** (1.0 / (n + 1))
+    return z
+
+
+def _nearest(xp: Any, known: list[Followed]) -> tuple[Any, Any]:
+    """Return distance and offset of the nearest posture that is followed."""
+    far, offset = known[0].far, known[0].offset
+    for one in known[1:]:
+        nearer = one.far < far
+        far, offset = xp.where(nearer, one.far, far), xp.where(nearer, one.offset, offset)
+    return far, offset
+
+
+def _axes(frame: Frame, R: Any, at: Posture, tips: int) -> list[Any]:
+    """Return rotations (3, 3) from the axes of the twist of each tip to those of the spacecraft."""
+    if frame == "tip":
+        return [at.tip_rotations[i] for i in range(tips)]
+    return [R.T if frame == "inertial" else np.eye(3)] * tips
+
+
+def _turned(xp: Any, turns: list[Any], twist: Any) -> Any:
+    """Return twists (6 tips,) in other axes."""
+    return xp.concatenate([
+        T @ twist[6 * i + j : 6 * i + j + 3] for i, T in enumerate(turns) for j in (0, 3)
+    ])  # fmt: skip
+
+
+def _drift(xp: Any, tree: Structure, at: Posture, R: Any, momentum: Any) -> Any:
+    """Return the twists (6 tips,) of tips that are held still, by the momentum."""
+    h = xp.concatenate([R.T @ momentum[:3], R.T @ momentum[3:]])
+    own = base_twist(xp, tree, at, h[:, None])[:, 0]
+    return xp.concatenate([
+        part for r in at.tip_positions for part in (own[:3] + xp.cross(own[3:], r), own[3:])
+    ])  # fmt: skip
+
+
+def _lost(xp: Any, tree: Structure, turns: list[Any], u: Any) -> Any:
+    """Return the direction u (k,) of the task as twists (6 tips,) in the axes of the wished one."""
+    own = tree.scale[:, 0] * u
+    rows = [0.0 * u[0]] * (6 * len(turns))
+    for i, row in enumerate(tree.rows):
+        rows[row] = own[i]
+    found = _turned(xp, [T.T for T in turns], xp.stack(rows))
+    return found / _norm(xp, found)
+
+
+def _nearness(xp: Any, far: Any, limits: Limits) -> Any:
+    """Return x: 0 up to `stop`, 1 from `slow` on."""
+    return xp.minimum(xp.maximum((far - limits.stop) / (limits.slow - limits.stop), 0.0), 1.0)
+
+
+def _resolved(
+    xp: Any, J: Any, least: Any, v: Any, far: Any, away: Any, limits: Limits
+) -> tuple[Any, Any]:
+    """Return J^+ v with the motion along the lost direction slowed, and the share left of it."""
+    regular = least.sigma > NO_INVERSE * xp.sqrt((J * J).sum())
+    along = least.u @ v
+    rest = bidiagonal(xp, J).solution(xp, v - along * least.u, np.zeros(J.shape[1] - len(v)))
+    y = rest - (least.v @ rest) * least.v
+    own = along / xp.where(regular, least.sigma, 1.0) * least.v
+    share = xp.where(away @ own > 0.0, 1.0, _nearness(xp, far, limits))
+    return xp.where(regular, y + share * own, 0.0), xp.where(regular, share, 0.0)
+
+
+def _levelling(xp: Any, null: list[Any], A: Any, y: Any) -> Any:
+    """Return the motion in the null space by which y turns the spacecraft least, damped."""
+    N = xp.stack(null)
+    B = A @ N.T
+    whole = B.T @ B
+    square = DAMPING * (whole * np.eye(len(null))).sum() + 1e-12
+    z = solve(xp, whole + square * np.eye(len(null)), -(B.T @ (A @ y))[:, None])[:, 0]
+    return z @ N
+
+
+def _raising(xp: Any, null: list[Any], y: Any, far: Any, away: Any, limits: Limits) -> Any:
+    """Return the motion in the null space that raises the distance, no faster than y."""
+    N = xp.stack(null)
+    way = (N @ away) @ N
+    rate = xp.where(far < limits.slow, (limits.slow - far) / limits.tau, 0.0)
+    return xp.minimum(rate, _norm(xp, y)) * way
+
+
+def _held_off(xp: Any, y: Any, one: Followed, limits: Limits) -> Any:
+    """Return y without what leads too fast towards a posture on the set."""
+    known = xp.logical_and(one.far > 0.0, one.far < limits.slow)
+    away = -one.offset / xp.where(known, one.far, 1.0)
+    room, x = one.far - (1.0 + EDGE) * limits.stop, _nearness(xp, one.far, limits)
+    most = room / (limits.tau * xp.where(known, 1.0 - x, 1.0))
+    most = xp.maximum(most, -OUTWARD * _norm(xp, y))
+    over = -(away @ y) - most
+    return xp.where(xp.logical_and(known, over > 0.0), y + over * away, y)
+
+
+def _shares(
+    xp: Any, y: Any, x: Any, known: list[Followed], turned: Any, dt: Any, limits: Limits
+) -> Any:
+    """Return the shares (4,) of y with which each of its limits but acceleration is kept.
+
+    An arm that brakes in a straight line comes y (dt + T / 2) far, T the time that it takes.
+    """
+    size, time = _norm(xp, y), _extreme(xp.maximum, xp.absolute(y) / limits.acceleration)
+
+    def reaches(way: Any, rate: Any) -> Any:
+        """Return the share s with rate (s dt + s^2 T / 2) = way, at most 1."""
+        there = rate > 0.0
+        length = xp.maximum(way, 0.0) / xp.where(there, rate, 1.0)
+        root = dt + xp.sqrt(dt * dt + 2.0 * time * length)
+        share = 2.0 * length / xp.where(root > 0.0, root, 1.0)
+        return xp.where(there, xp.minimum(share, 1.0), 1.0)
+
+    position = _extreme(xp.minimum, [
+        reaches(xp.where(y[j] > 0.0, limits.upper[j] - x[j], x[j] - limits.lower[j]),
+                xp.absolute(y[j]))
+        for j in range(len(x))
+    ])  # fmt: skip
+    stopping = 1.0 + 0.0 * size
+    for one in known:
+        near = one.far < np.inf
+        length = xp.where(near, one.far, 1.0)
+        towards = (one.offset @ y) / xp.where(length * size > 0.0, length * size, 1.0)
+        room = xp.maximum(length - limits.stop, 0.0)
+        root = xp.sqrt(towards * towards + 2.0 * room / limits.stop)
+        way = xp.where(towards > 0.0, 2.0 * room / xp.where(towards > 0.0, towards + root, 1.0),
+                       limits.stop * (root - towards))  # fmt: skip
+        stopping = xp.where(near, xp.minimum(stopping, reaches(way, size)), stopping)
+    excess = _extreme(xp.maximum, xp.absolute(y) / limits.rate)
+    spun = _norm(xp, turned @ y)
+    wheels = limits.wheels / xp.where(spun > 0.0, spun, 1.0)
+    return xp.stack([
+        position, stopping, xp.where(excess > 1.0, 1.0 / xp.where(excess > 1.0, excess, 1.0), 1.0),
+        xp.where(spun > 0.0, xp.minimum(wheels, 1.0), 1.0),
+    ])  # fmt: skip
+
+
+def _accelerated(xp: Any, y: Any, last: Any, dt: Any, limits: Limits) -> tuple[Any, Any, Any]:
+    """Return the rates of an arm that brakes, the share of y that is done, and rates towards y.
+
+    The latter are along y if the accelerations allow that, else between those that brake and y.
+    """
+    most = limits.acceleration * dt
+    time = _extreme(xp.maximum, xp.absolute(last) / limits.acceleration)
+    goes_on = time > dt
+    brake = last * xp.where(goes_on, 1.0 - dt / xp.where(goes_on, time, 1.0), 0.0)
+    low, high, by = 0.0 * dt, 1.0 + 0.0 * dt, 1.0 + 0.0 * dt
+    for j in range(len(y)):
+        moves = xp.absolute(y[j]) > 0.0
+        rate = xp.where(moves, y[j], 1.0)
+        ends = (last[j] - most[j]) / rate, (last[j] + most[j]) / rate
+        fits = xp.absolute(last[j]) <= most[j]
+        low = xp.maximum(low, xp.where(moves, xp.minimum(*ends), xp.where(fits, 0.0, np.inf)))
+        high = xp.minimum(high, xp.where(moves, xp.maximum(*ends), high))
+        change, room = y[j] - brake[j], brake[j] - last[j]
+        differs = xp.absolute(change) > 0.0
+        left = most[j] - xp.where(change > 0.0, room, -room)
+        share = xp.maximum(left, 0.0) / xp.where(differs, xp.absolute(change), 1.0)
+        by = xp.where(differs, xp.minimum(by, share), by)
+    along = low <= high
+    goes = xp.where(along, xp.where(along, high, 0.0) * y, brake + by * (y - brake))
+    return brake, xp.where(along, high, by), goes
+
+
+def _norm(xp: Any, x: Any) -> Any:
+    """Return the length of a vector."""
+    return xp.sqrt((x * x).sum())
+
+
+def _distance(xp: Any, x: Any, y: Any) -> Any:
+    """Return how far two points are apart."""
+    return _norm(xp, x - y)
+
+
+def _share(xp: Any, part: Any, whole: Any) -> Any:
+    """Return part / whole, 1 where there is nothing."""
+    there = whole > 0.0
+    return xp.where(there, part / xp.where(there, whole, 1.0), 1.0)
+
+
+def _extreme(of: Any, values: Any) -> Any:
+    """Return the least, the largest, or whether all, of some numbers or masks."""
+    found = values[0]
+    for value in values[1:]:
+        found = of(found, value)
+    return found

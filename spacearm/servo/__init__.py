@@ -1,0 +1,1 @@
+"""The servo: teleoperation that keeps away from the singular set, and streams that are watched."""

@@ -1,0 +1,395 @@
+"""The servo at run time: wished twists of the tip become joint rates that keep off the set."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from copy import copy
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import Array, plain, positive
+from spacearm.equations import servo as ticks
+from spacearm.equations.servo import Frame, Limits, Memory, Seen, Tick, packed, unpacked
+from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
+from spacearm.mechanics.arm_kernels import ArmKernel
+from spacearm.mechanics.distance import FADING
+from spacearm.model.arguments import BaseMode, free_components, require_possible
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.frames import PoseLike
+from spacearm.model.joints import joint_scales
+from spacearm.results import Cell, Description, Measure, Result, Table, joint_measures
+from spacearm.servo.watching import Watched, joint_states, watched
+from spacearm.signatures import checked
+from spacearm.singularities.nearest import NearestSearch, angle
+from spacearm.singularities.sets import singular_set
+
+Posture: TypeAlias = Configuration | tuple[npt.ArrayLike, PoseLike]
+"""A configuration, or joint positions (n,) and the pose of the spacecraft."""
+AT_REST = np.array([0.0, 0.0, 0.0, 1.0])
+"""Attitude of a spacecraft, on which no distance depends."""
+FRAMES = ("inertial", "spacecraft", "tip")
+UNLIMITED = 1e6
+"""Stands for limits that there are not."""
+STOP, SLOW = float(np.radians(5.0)), float(np.radians(15.0))
+"""Distances that are kept, and from which on nothing is slowed [rad]."""
+LONGEST = 0.5
+"""Longest time of a tick [s]."""
+SEEN = 0.999
+"""Share of the motion below which something is said to slow it."""
+HALTED = {
+    "q": "the joint positions are not finite numbers",
+    "quaternion": "the attitude is no unit quaternion",
+    "twist": "the wished twist is not finite",
+    "dt": f"dt is not a time above 0 and up to {LONGEST:g} s",
+    "momentum": "the momentum is not finite",
+    "jump": "a joint has moved faster than twice its largest rate since the last step",
+    "search": "the nearest singular postures are being looked for",
+}
+"""Why the servo halts."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ServoStep(Result):
+    """What `Servo.step` gives: joint rates, and what there is to tell of them.
+
+    Attributes:
+        arm: The arm.
+        rates: (n,) joint rates [rad/s] or [m/s] until the next step.
+        distance: How far the nearest singular posture is that the servo follows [rad]: found, the
+            nearest of all is no farther; inf if it knows none.
+        distance_proven: None is nearer than this [rad], proven when the servo was started, less the
+            way since then; zero where nothing is proven.
+        nearest: (n,) that singular posture.
+        away: (n,) joint motion [rad] or [m] per radian of distance that leads away from it.
+        lost: (6 tips,) direction of the twist that is being lost, towards the set, in the axes of
+            the wished twist.
+        closing: Rate at which the distance falls [rad/s].
+        done: Share of the wished twist that is done, of its task rows.
+        slowed: What slows the motion, with the share that it leaves: "lost direction" (that of
+            `lost` alone), "approach" (to the set), "position" and "stopping distance" (from which
+            the arm could not stop any more), "rate", "wheels", "acceleration".
+        halted: Why the arm is brought to rest; empty if it is not.
+    """
+
+    arm: SpaceArm
+    rates: Array
+    distance: float
+    distance_proven: float
+    nearest: Array
+    away: Array
+    lost: Array
+    closing: float
+    done: float
+    slowed: dict[str, float]
+    halted: str
+
+    @property
+    def verdict(self) -> str:
+        """What happens, in one sentence."""
+        if self.halted:
+            return f"halts: {self.halted}"
+        if np.isinf(self.distance):
+            where = "no singular posture is known"
+        else:
+            where = f"a singular posture found {angle(self.distance)} away"
+        if self.slowed:
+            where += f"; slowed by {listed(list(self.slowed))}"
+        return f"{where}; {self.done:.0%} of the wished motion is done"
+
+    def describe(self) -> Description:
+        """Describe rates, the nearest singular posture, and what slows the motion."""
+        slides = self.arm.slides
+        joints = Table.by_columns({
+            "joint": self.arm.joint_names,
+            "rate": joint_measures(self.rates, slides, "/s"),
+            "nearest singular": joint_measures(self.nearest, slides),
+            "away, per rad": joint_measures(self.away, slides),
+        })  # fmt: skip
+        facts: dict[str, Cell] = {
+            "proven that none is nearer than": Measure(self.distance_proven, "rad"),
+            "distance falls by": Measure(self.closing, "rad/s"),
+            "direction that is being lost": self.lost,
+        }
+        facts |= {
+            f"{cause} leaves": Measure(share, "", ".0%") for cause, share in self.slowed.items()
+        }
+        return Description(
+            title=self.arm.name,
+            verdict=self.verdict,
+            tone="bad" if self.halted else "caution" if self.slowed else "good",
+            tables=[joints, Table.facts(facts)],
+            not_checked="collisions",
+        )
+
+
+@checked
+class Servo:
+    """A servo: wished twists of the tip as joint rates that keep off the singular set.
+
+    Far from the set the rates are J*^+ v. Nearer than `slow` only the direction that is being lost
+    is slowed, and the distance to the set falls ever more slowly, so that `stop` is not passed;
+    motions along the set and away from it stay free. Redundant arms raise the distance by the way.
+    Joint limits, rates and accelerations are kept by scaling that keeps the direction, and so that
+    the arm can always brake before a limit. Whatever comes in, no step exceeds them: input that
+    makes no sense brings the arm to rest, and the step says why.
+
+    The distance is that to the nearest of the singular postures that the servo has found and
+    follows from step to step; `start` searches them as `SingularSet.nearest` does, and scouts look
+    for nearer ones at each step. That none is missed is tested, and not proven, but within
+    `ServoStep.distance_proven`.
+
+    The theory: control barrier functions, Ames, Xu, Grizzle & Tabuada, IEEE Trans. Autom. Control
+    62(8), 3861-3876 (2017), DOI 10.1109/TAC.2016.2638961; damping of the vanishing direction alone,
+    Chiaverini, IEEE Trans. Robot. Autom. 13(3), 398-410 (1997).
+
+    Args:
+        arm: The arm.
+        stop: Distance to the singular set that is kept [rad].
+        slow: Distance from which on nothing is slowed [rad].
+        tau: Time constant with which `stop` is approached [s].
+        rates: Largest joint rates, one or (n,) [rad/s] or [m/s]; of the joints' own if None.
+        accelerations: Largest joint accelerations, one or (n,) [rad/s^2] or [m/s^2]; none if None.
+        mode: What the spacecraft does; see `generalized_jacobian`.
+        frame: Axes of the twists: "inertial", "spacecraft", or "tip" for each its own.
+        keep_attitude: Whether the null space of a redundant arm, such as its second arm, turns the
+            spacecraft as little as it can.
+        wheels: Largest angular momentum of the moving arm that wheels have to take up [N m s]; None
+            for any.
+
+    Raises:
+        ConfigurationError: An argument does not make sense.
+        UnsupportedError: The arm has fewer joints than the task has rows, can never do its task, or
+            has no null space to keep the attitude with.
+
+    Example:
+        >>> import spacearm as sa
+        >>> arm = sa.load("planar2")
+        >>> servo = sa.Servo(arm, rates=0.5)
+        >>> cfg = arm.at([0.3, 1.2])
+        >>> servo.start(cfg)
+        >>> step = servo.step(cfg, [0.1, 0, 0, 0, 0, 0], 0.01)
+        >>> step.rates.round(3), step.done
+        (array([-0.107, -0.107]), 1.0)
+    """
+
+    def __init__(
+        self,
+        arm: SpaceArm,
+        *,
+        stop: float = STOP,
+        slow: float = SLOW,
+        tau: float = 0.5,
+        rates: npt.ArrayLike | None = None,
+        accelerations: npt.ArrayLike | None = None,
+        mode: BaseMode = "free-floating",
+        frame: Frame = "inertial",
+        keep_attitude: bool = False,
+        wheels: float | None = None,
+    ) -> None:
+        free_components(mode)  # raises for one that does not exist
+        require_possible(arm, mode)
+        if arm.n < arm.task.k:
+            raise UnsupportedError(
+                f"{arm.name} has {arm.n} joints and its task {arm.task.k} rows, so that it is "
+                "singular everywhere; name fewer rows: task=..."
+            )
+        if frame not in FRAMES:
+            raise ConfigurationError(unknown("frame", frame, FRAMES))
+        if keep_attitude and (arm.n == arm.task.k or mode != "free-floating"):
+            raise UnsupportedError(
+                f"{arm.name}: keep_attitude takes a free-floating arm with more joints than the "
+                f"{arm.task.k} rows of its task; it has {arm.n} ({mode})"
+            )
+        if not 0.0 < stop < slow <= np.pi:
+            raise ConfigurationError(
+                f"stop is {stop:g} and slow {slow:g}; give 0 < stop < slow <= pi [rad]"
+            )
+        described = [arm.tree.joints[name].velocity for name in arm.joint_names]
+        self.arm, self.mode, self.frame, self.keep_attitude = arm, mode, frame, keep_attitude
+        rate = _limits(arm, described if rates is None else rates, "rates")
+        free = np.inf if accelerations is None else accelerations
+        budget = UNLIMITED if wheels is None else positive(wheels, "wheels", "momentum [N m s]")
+        self.limits = Limits(
+            np.maximum(arm.lower, -UNLIMITED), np.minimum(arm.upper, UNLIMITED), rate,
+            _limits(arm, free, "accelerations"), stop, slow, positive(tau, "tau", "time [s]"),
+            budget, LONGEST, FADING, joint_scales(arm),
+        )  # fmt: skip
+        options = {"frame": frame, "keep_attitude": keep_attitude}
+        self._kernel = ArmKernel([arm], mode, ticks.flat_step, options, lanes=1, fast=True)
+        self._numbers = {"limits": packed(self.limits)}
+        self._size = ticks.size(Tick, arm.n, len(arm.tips))
+        self._anchor, self._radius = np.zeros(arm.n), 0.0
+        self.memory = ticks.unknowing(arm.n, np.zeros(arm.n))
+        self.tick(self.seen((np.zeros(arm.n), AT_REST), np.zeros(arm.task.k), LONGEST))  # compiles
+        self.memory = ticks.unknowing(arm.n, np.zeros(arm.n))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return arm, options and limits as plain data."""
+        options = {name: plain(getattr(self, name)) for name in ("mode", "frame", "keep_attitude")}
+        limits = {name: plain(value) for name, value in self.limits._asdict().items()}
+        return {"arm": self.arm.name, **options, "limits": limits}
+
+    def __repr__(self) -> str:
+        stop, slow = np.degrees((self.limits.stop, self.limits.slow))
+        return f"Servo({self.arm.name}, {self.mode}: slows from {slow:.3g}°, stops at {stop:.3g}°)"
+
+    def tick(self, seen: Seen) -> Tick:
+        """Take a step of `equations.servo` and remember it."""
+        n, tips, given = self.arm.n, len(self.arm.tips), packed((*seen, *self.memory))
+        found = self._kernel({"given": given[None]}, self._numbers)[0]
+        self.memory = unpacked(Memory, found[self._size :], n, tips)
+        return unpacked(Tick, found[: self._size], n, tips)
+
+    def seen(self, posture: Posture, twist: npt.ArrayLike, dt: float) -> Seen:
+        """Return what a step is told; numbers that make no sense are left for it to see.
+
+        Raises:
+            ConfigurationError: Something has the wrong shape.
+        """
+        n, tips, momentum = self.arm.n, len(self.arm.tips), np.zeros(6)
+        if isinstance(posture, Configuration):
+            q, turn = posture.q, pin.SE3ToXYZQUAT(posture.base)[3:]
+            momentum = posture.momentum - posture.stored
+        else:
+            given, base = posture
+            q, turn = _numbers(given, (n,), "q"), _quaternion(base)
+        task = self.arm.task
+        v = np.asarray(twist, dtype=float)
+        if v.shape == (task.k,) != (6 * tips,):
+            v, rows = np.zeros(6 * tips), v
+            v[list(task.indices)] = rows
+        return Seen(q, turn, _numbers(v, (6 * tips,), "twist"), float(dt), momentum)
+
+    def start(self, posture: Posture, *, prove: bool = False) -> None:
+        """Begin at rest at a posture: search the singular postures about it.
+
+        Without it the first steps search, with the arm at rest.
+
+        Args:
+            posture: A configuration, or (q, base).
+            prove: Whether to prove how near none is, as `SingularSet.nearest`, in seconds.
+
+        Raises:
+            ConfigurationError: The posture does not make sense.
+        """
+        cfg = posture if isinstance(posture, Configuration) else self.arm.at(posture[0])
+        if cfg.arm is not self.arm:
+            raise ConfigurationError(
+                f"the posture is of {cfg.arm.name}, the servo of {self.arm.name}"
+            )
+        unit, n = joint_scales(self.arm), self.arm.n
+        search = NearestSearch(self.arm, self.mode, cfg.q[None])
+        points, found = np.zeros((ticks.SLOTS, n)), search.ends()[: ticks.KEPT]
+        ages = np.full(ticks.SLOTS, 1.0 + ticks.PATIENCE)
+        points[: len(found)], ages[: len(found)] = cfg.q / unit + found, 0.0
+        self.memory = Memory(np.zeros(n), cfg.q, 0.0, points, ages, float(ticks.SEARCH))
+        self._anchor, self._radius = cfg.q / unit, 0.0
+        if prove and len(found):
+            proven = singular_set(self.arm, mode=self.mode).nearest(cfg.q).distance_proven
+            self._radius = proven
+
+    def step(self, posture: Posture, twist: npt.ArrayLike, dt: float) -> ServoStep:
+        """Return the joint rates of the next time step.
+
+        Args:
+            posture: Where the arm is: a configuration, or (q, base). Its momentum is minded.
+            twist: (6 tips,) the wished twist of the tips [linear [m/s]; angular [rad/s]], or (k,)
+                its task rows.
+            dt: Time until the next step [s].
+
+        Returns:
+            The rates, the distance, what is being lost and slowed; a halt with its reason where
+            what came in makes no sense.
+        """
+        tick = self.tick(self.seen(posture, twist, dt))
+        gone = np.linalg.norm(self.memory.q / joint_scales(self.arm) - self._anchor)
+        halted = ticks.HALTS[int(tick.halt)]
+        slowed = {
+            cause: float(share)
+            for cause, share in zip(ticks.CAUSES, tick.shares, strict=True)
+            if share < SEEN and not halted
+        }
+        return ServoStep(
+            self.arm, tick.rates, float(tick.distance), max(0.0, self._radius - float(gone)),
+            tick.nearest, tick.away, tick.lost,
+            float(tick.closing), float(tick.done), slowed, HALTED.get(halted, ""),
+        )  # fmt: skip
+
+    def watch(self, messages: Iterable[Any], *, ahead: float = 5.0) -> Iterator[Watched]:
+        """Watch joint states from elsewhere, and warn ahead of time; the servo itself stays as is.
+
+        Args:
+            messages: `JointState`s, or messages in the order of their times: mappings, texts of
+                JSON, or ROS 2's JointState. They have `t` (or `time`, or a `header` with a `stamp`)
+                and `q` (n,), or `name` and `position`, and `dq` or `velocity` if they know it.
+            ahead: Time ahead that is warned of [s].
+
+        Yields:
+            What there is to say of each: how near the set is, and when it will be at `stop`.
+
+        Raises:
+            ConfigurationError: A message is no joint state of the arm.
+
+        Example:
+            >>> import spacearm as sa
+            >>> servo = sa.Servo(sa.load("planar2"))
+            >>> states = ({"t": 0.1 * i, "q": [0.3, 1.2 - 0.05 * i]} for i in range(20))
+            >>> [state.t for state in servo.watch(states) if state.level == "warning"][0]
+            0.1
+        """
+        eye = copy(self)
+        nothing = np.zeros(self.arm.task.k)
+
+        def follow(q: Array, dt: float) -> Tick:
+            seen = eye.seen((q, AT_REST), nothing, min(dt, LONGEST))
+            if math.isinf(dt) or ticks.HALTS[int((tick := eye.tick(seen)).halt)]:
+                eye.start((q, AT_REST))  # the first, or a jump: all is searched anew
+                tick = eye.tick(seen)
+            return tick
+
+        states = joint_states(self.arm, messages)
+        return watched(self.arm, self.limits, follow, states, positive(ahead, "ahead", "time [s]"))
+
+
+def _limits(arm: SpaceArm, values: npt.ArrayLike, name: str) -> Array:
+    """Return the largest rates or accelerations (n,), checked."""
+    try:
+        found = np.broadcast_to(np.asarray(values, dtype=float), (arm.n,))
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if found.shape != (arm.n,) or not (found > 0.0).all():
+        raise ConfigurationError(
+            f"{name} is {values!r}; give a positive number, or one for each of: "
+            f"{listed(arm.joint_names)}"
+        )
+    return np.minimum(found, UNLIMITED)
+
+
+def _numbers(values: npt.ArrayLike, shape: tuple[int, ...], name: str) -> Array:
+    """Return numbers of a shape, finite or not."""
+    try:
+        found = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.shape != shape:
+        raise ConfigurationError(f"{name} has shape {found.shape}; give {shape[0]} numbers")
+    return found
+
+
+def _quaternion(base: PoseLike) -> Array:
+    """Return the quaternion xyzw of a pose, or of x y z and a quaternion; NaN if it has none."""
+    if isinstance(base, pin.SE3):
+        R = base.rotation
+    else:
+        values = np.asarray(base, dtype=float)
+        if values.shape in ((4,), (7,)):
+            return values[-4:]
+        R = _numbers(values, (4, 4), "base")[:3, :3]
+    if not np.abs(R.T @ R - np.eye(3)).max() <= ticks.UNIT_LENGTH:
+        return np.full(4, np.nan)
+    return np.asarray(pin.Quaternion(R).normalized().coeffs())

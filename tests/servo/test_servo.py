@@ -1,0 +1,312 @@
+"""The servo: what it asks for far from the set, what it keeps near it, and whatever comes in."""
+
+import numpy as np
+import pytest
+from helpers.arms import joint, link, load_text, robot
+
+import spacearm as sa
+from spacearm.compiler import numbers
+from spacearm.equations import servo as ticks
+from spacearm.mechanics.arm_kernels import parameters_of, structure_of
+from spacearm.singularities.nearest import distances_found
+
+DT = 0.01
+LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
+STOP = np.radians(5.0)
+
+
+def away_from_the_set(servo, seed, least=10.0):
+    """Start a servo at a random posture at least so far from the set [deg], and return it."""
+    arm, rng = servo.arm, np.random.default_rng(seed)
+    while True:
+        q = rng.uniform(np.maximum(arm.lower, -2.0), np.minimum(arm.upper, 2.0))
+        servo.start((q, LEVEL))
+        if servo.step((q, LEVEL), np.zeros(6 * len(arm.tips)), DT).distance > np.radians(least):
+            return q
+
+
+def flown(servo, q, twist, count):
+    """Fly with twist(i); return positions and rates of all steps."""
+    Q, rates = [q], []
+    for i in range(count):
+        rates.append(servo.step((Q[-1], LEVEL), twist(i), DT).rates)
+        Q.append(Q[-1] + DT * rates[-1])
+    return np.array(Q), np.array(rates)
+
+
+def smooth_twists(seed, size, amplitude=0.15):
+    rng = np.random.default_rng(seed)
+    A, W, P = (
+        rng.normal(size=(4, size)) * amplitude,
+        rng.uniform(0.05, 0.8, 4),
+        rng.uniform(0, 6, 4),
+    )
+    return lambda i: sum(a * np.sin(w * i * DT + p) for a, w, p in zip(A, W, P, strict=True))
+
+
+@pytest.mark.parametrize("mode", ["free-floating", "attitude-controlled", "fixed"])
+@pytest.mark.parametrize("name", ["planar2", "mda6", "chaser7"])
+def test_far_from_the_set_the_rates_are_those_of_the_jacobian(name, mode):
+    arm = sa.load(name)
+    servo = sa.Servo(arm, rates=100.0, mode=mode, slow=np.radians(8.0))
+    q = away_from_the_set(servo, 1)
+    base = sa.pose((0.1, 0.2, 0.3), (0.0, 0.0, 0.4) if name == "planar2" else (0.3, -0.2, 0.4))
+    twist = np.random.default_rng(2).normal(size=6) * 0.01
+    step = servo.step((q, base), twist, DT)
+    J = sa.generalized_jacobian(arm.at(q, base=base), mode=mode)
+    rows = list(arm.task.indices)
+    unit, scale = sa.singularity(arm.at(q)).radian, arm.task.scale
+    wanted = unit * (np.linalg.pinv(scale * J[rows] * unit) @ (scale[:, 0] * twist[rows]))
+    assert (step.slowed, step.halted) == ({}, "")
+    np.testing.assert_allclose(step.rates, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+    assert abs(step.done - 1.0) < 1e-9
+
+
+def test_the_same_motion_in_each_frame():
+    arm = sa.load("mda6")
+    base = sa.pose(rpy=(0.3, -0.2, 0.9))
+    found = []
+    q = away_from_the_set(sa.Servo(arm), 3)
+    cfg = arm.at(q, base=base)
+    twist = np.array([0.02, -0.01, 0.03, 0.01, 0.02, -0.01])
+    for frame, R in (
+        ("inertial", np.eye(3)),
+        ("spacecraft", base.rotation),
+        ("tip", cfg.tip.rotation),
+    ):
+        servo = sa.Servo(arm, frame=frame)
+        servo.start(cfg)
+        own = np.concatenate((R.T @ twist[:3], R.T @ twist[3:]))
+        found.append(servo.step(cfg, own, DT).rates)
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=0, atol=1e-12)
+
+
+def test_what_momentum_does_to_the_tip_is_made_up_for():
+    arm = sa.load("mda6")
+    servo = sa.Servo(arm, rates=10.0)
+    q = away_from_the_set(servo, 4)
+    cfg = arm.at(q, base=sa.pose(rpy=(0.1, 0.5, -0.3)), momentum=[3, -2, 1, 4, 2, -5])
+    twist = np.array([0.02, -0.01, 0.03, 0.01, 0.02, -0.01])
+    rates = servo.step(cfg, twist, DT).rates
+    drift = cfg.J[:, :6] @ np.linalg.solve(cfg.A[:, :6], cfg.momentum)
+    tip = sa.generalized_jacobian(cfg) @ rates + drift
+    np.testing.assert_allclose(tip, twist, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["planar2", "chaser7", "dual_ur5"])
+def test_machine_code_gives_what_the_equations_give(name):
+    arm = sa.load(name)
+    servo = sa.Servo(arm, accelerations=1.0)
+    q = away_from_the_set(servo, 5)
+    tree, p = structure_of(arm), parameters_of(arm)
+    for i in range(3):
+        seen = servo.seen((q, LEVEL), np.full(6 * len(arm.tips), 0.05), DT)
+        with np.errstate(all="ignore"):
+            by_numbers, _ = ticks.step(
+                numbers, tree, p, seen, servo.limits, servo.memory, "inertial", False
+            )
+        tick = servo.tick(seen)
+        for one, other in zip(tick, by_numbers, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-7, err_msg=str(i))
+        q = q + DT * tick.rates
+
+
+def slider():
+    """Two joints that slide and one that turns on a light bus."""
+    limit = '<limit lower="-0.8" upper="0.8" effort="10" velocity="0.4"/>'
+    return load_text(
+        robot(
+            link("bus", 20.0), link("a", 3.0), link("b", 2.0, com=(0.2, 0, 0)), link("c", 1.0),
+            joint("j1", "bus", "a", xyz=(0.3, 0, 0.1)),
+            joint("j2", "a", "b", kind="prismatic", axis=(1, 0, 0), inside=limit),
+            joint("j3", "b", "c", xyz=(0.4, 0, 0)), link("tip", 0.5),
+            joint("j4", "c", "tip", kind="prismatic", axis=(0, 1, 0), inside=limit),
+        ), task="x y"
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        ("planar2", 1500),
+        ("slider", 600),
+        pytest.param("mda6", 3000, marks=pytest.mark.slow),
+        pytest.param("chaser7", 3000, marks=pytest.mark.slow),
+        pytest.param("cubesat_xarm", 2000, marks=pytest.mark.slow),
+    ],
+)
+def test_no_run_comes_nearer_than_stop_or_beyond_a_limit(name, count):
+    """The distances are searched anew, by what knows nothing of the servo."""
+    arm = slider() if name == "slider" else sa.load(name)
+    speed, push = np.array([0.4, 0.3, 0.5, 0.6] * 4)[: arm.n], 1.5
+    servo = sa.Servo(arm, rates=speed, accelerations=push)
+    q = away_from_the_set(servo, 6)
+    Q, rates = flown(servo, q, smooth_twists(7, 6), count)
+    near = distances_found(arm, "free-floating", Q[:: max(1, count // 40)])
+    assert near.min() >= STOP * (1.0 - 1e-3)
+    rounding = 1e-9
+    assert (np.abs(rates) <= speed + rounding).all()
+    assert (np.abs(np.diff(rates, axis=0, prepend=0.0)) <= push * DT + rounding).all()
+    assert (np.minimum(arm.lower, q) - Q <= rounding).all()
+    assert (Q - np.maximum(arm.upper, q) <= rounding).all()
+
+
+def pushed(servo, cfg, count=1500, speed=0.3):
+    """Push straight along the direction that is being lost, towards the set; return the steps."""
+    q, steps = cfg.q, []
+    toward = servo.step((q, LEVEL), np.zeros(6), DT).away
+    J = sa.generalized_jacobian(cfg)
+    wished = -speed * J @ toward / np.linalg.norm(J @ toward)
+    for _ in range(count):
+        steps.append(servo.step((q, LEVEL), wished, DT))
+        q = q + DT * steps[-1].rates
+    return q, wished, steps
+
+
+def test_the_set_is_approached_to_stop_left_freely_and_slid_along():
+    arm = sa.load("planar2")
+    servo = sa.Servo(arm, rates=2.0)
+    cfg = arm.at(np.radians([30.0, 40.0]))
+    servo.start(cfg)
+    q, wished, steps = pushed(servo, cfg)
+    assert STOP <= steps[-1].distance < 1.1 * STOP
+    assert min(step.distance for step in steps) >= STOP
+    assert {"lost direction", "approach"} <= set(steps[-1].slowed)
+    found = sa.singularity(arm.at(q), exact=True)
+    np.testing.assert_allclose(steps[-1].distance, found.distance, rtol=1e-3, atol=0)
+    back = servo.step((q, LEVEL), -0.1 * wished, DT)
+    assert back.closing < 0.0
+    assert "lost direction" not in back.slowed
+    along = np.linalg.svd(arm.task.jacobian(sa.generalized_jacobian(arm.at(q)), np.eye(3)))[0][:, 0]
+    slid = servo.step((q, LEVEL), 0.02 * along, DT)
+    assert slid.done > 0.9
+
+
+def test_redundant_joints_raise_the_distance_and_leave_the_tip_its_motion():
+    arm = sa.load("chaser7")
+    servo = sa.Servo(arm, slow=np.radians(80.0), stop=np.radians(1.0), rates=5.0)
+    q = away_from_the_set(servo, 8)
+    twist = np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.01])
+    step = servo.step((q, LEVEL), twist, DT)
+    J = sa.generalized_jacobian(arm.at(q))
+    least = np.linalg.pinv(J) @ (J @ step.rates)
+    raised = step.rates - least
+    assert step.away @ raised > 1e-4
+    np.testing.assert_allclose(J @ raised, 0.0, rtol=0, atol=1e-12)
+
+
+def test_a_second_arm_keeps_the_attitude():
+    arm = sa.load("dual_ur5")
+    one = arm.replace(joints="all")
+    q = away_from_the_set(sa.Servo(one), 9)
+    cfg, turned = one.at(q), []
+    for keep in (False, True):
+        servo = sa.Servo(one, keep_attitude=keep, rates=5.0)
+        servo.start(cfg)
+        step = servo.step(cfg, [0.05, 0.02, -0.03, 0.0, 0.1, 0.0], DT)
+        assert step.done > 0.999
+        turned.append(np.linalg.norm(sa.base_velocity(cfg, step.rates)[3:]))
+    assert turned[1] < 0.02 * turned[0]
+
+
+def test_wheels_take_up_no_more_than_their_budget():
+    arm = sa.load("mda6")
+    servo = sa.Servo(arm, mode="attitude-controlled", wheels=0.5, rates=1.0)
+    q = away_from_the_set(servo, 10)
+    step = servo.step((q, LEVEL), [0.3, 0.2, 0.1, 0.2, 0.0, 0.1], DT)
+    held = np.linalg.norm(arm.at(q).A[3:, 6:] @ step.rates)
+    assert "wheels" in step.slowed
+    np.testing.assert_allclose(held, 0.5, rtol=1e-9, atol=0)
+
+
+NAN = np.full(2, np.nan)
+
+
+@pytest.mark.parametrize(
+    ("posture", "twist", "dt", "reason"),
+    [
+        ((NAN, LEVEL), 0.1, DT, "positions"),
+        (([np.inf, 0.1], LEVEL), 0.1, DT, "positions"),
+        ((None, np.zeros(4)), 0.1, DT, "quaternion"),
+        ((None, [0, 0, np.nan, 1]), 0.1, DT, "quaternion"),
+        ((None, 2.0 * np.eye(4)), 0.1, DT, "quaternion"),
+        ((None, LEVEL), np.nan, DT, "twist"),
+        ((None, LEVEL), np.inf, DT, "twist"),
+        ((None, LEVEL), 0.1, 0.0, "dt"),
+        ((None, LEVEL), 0.1, -1.0, "dt"),
+        ((None, LEVEL), 0.1, np.nan, "dt"),
+        ((None, LEVEL), 0.1, 1e9, "dt"),
+        (([3.0, -2.0], LEVEL), 0.1, DT, "faster than twice"),
+    ],
+)
+def test_whatever_comes_in_brings_the_arm_to_rest_within_its_limits(posture, twist, dt, reason):
+    arm = sa.load("planar2")
+    servo = sa.Servo(arm, rates=1.0, accelerations=2.0)
+    q = np.array([0.3, 1.2])
+    servo.start((q, LEVEL))
+    Q, rates = flown(servo, q, lambda _: np.full(6, 0.2), 30)
+    last = rates[-1]
+    given = (Q[-1] if posture[0] is None else posture[0], posture[1])
+    for _ in range(100):
+        step = servo.step(given, np.full(6, twist), dt)
+        assert reason in step.halted or "looked for" in step.halted
+        assert (np.abs(step.rates - last) <= 2.0 * DT + 1e-12).all()
+        assert (np.abs(step.rates) <= np.abs(last) + 1e-12).all()
+        last = step.rates
+        if "faster" in step.halted:
+            break
+    else:
+        assert not last.any()
+    assert reason in step.verdict
+
+
+def test_without_a_start_it_searches_before_it_moves():
+    arm = sa.load("mda6")
+    servo, started = sa.Servo(arm), sa.Servo(arm)
+    q = away_from_the_set(started, 12)
+    twist = np.array([0.02, 0.0, 0.01, 0.0, 0.0, 0.02])
+    steps = [servo.step((q, LEVEL), twist, DT) for _ in range(ticks.SEARCH + 2)]
+    assert "looked for" in steps[0].halted
+    assert not steps[0].rates.any()
+    assert not steps[-1].halted
+    assert steps[-1].rates.any()
+    wanted = started.step((q, LEVEL), twist, DT).distance
+    assert steps[-1].distance >= wanted * (1.0 - 1e-6)  # found: none of both is nearer than the set
+
+
+def test_what_is_proven_falls_with_the_way():
+    arm = sa.load("planar2")
+    servo, cfg = sa.Servo(arm), sa.load("planar2").at([0.3, 1.2])
+    servo.start((cfg.q, LEVEL), prove=True)
+    first = servo.step((cfg.q, LEVEL), np.zeros(6), DT)
+    assert 0.98 * first.distance < first.distance_proven <= first.distance
+    moved = servo.step((cfg.q + 0.004, LEVEL), np.zeros(6), DT)
+    way = 0.004 * np.sqrt(2.0)
+    np.testing.assert_allclose(
+        moved.distance_proven, first.distance_proven - way, rtol=1e-9, atol=0
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"stop": 0.3, "slow": 0.2}, "stop < slow"),
+        ({"rates": -1.0}, "rates is -1.0"),
+        ({"rates": [1.0, 2.0, 3.0]}, "one for each of"),
+        ({"frame": "hand"}, "frame"),
+        ({"mode": "tied"}, "mode"),
+        ({"tau": 0.0}, "tau"),
+        ({"wheels": -1.0}, "wheels"),
+    ],
+)
+def test_arguments_that_make_no_sense_are_named(options, message):
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.Servo(sa.load("planar2"), **options)
+
+
+def test_arms_that_it_cannot_lead_are_refused():
+    arm = sa.load("planar2")
+    with pytest.raises(sa.UnsupportedError, match="more joints"):
+        sa.Servo(arm, keep_attitude=True)
+    with pytest.raises(sa.UnsupportedError, match="task"):
+        sa.Servo(sa.load("planar2", task="x y rz"))
