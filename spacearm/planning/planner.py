@@ -213,7 +213,7 @@ def connected(
         >>> sa.connected(arm.at([0.3, 1.2]), arm.at([0.3, -1.2])).answer
         'no'
     """
-    from spacearm.planning.impossible import parted  # slow to import
+    from spacearm.singularities.sides import parted  # slow to import
 
     arm = start.arm
     if goal.arm is not arm:

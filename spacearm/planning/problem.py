@@ -29,7 +29,6 @@ from spacearm.motion.following import follow
 from spacearm.motion.goal import as_goal, goal_pose, out_of_reach
 from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.guesses import GuessFinder
-from spacearm.planning.impossible import dividable, on_the_other_side, parted
 from spacearm.planning.many_curves import turning_axes
 from spacearm.planning.optimiser import ARRIVED, Target
 from spacearm.planning.reactions import largest_turn
@@ -39,6 +38,7 @@ from spacearm.planning.timing import rest_to_rest_times
 from spacearm.singularities.nearest import NearestSearch, angle, nearest_locally
 from spacearm.singularities.report import NO_INVERSE, TOLERANCE
 from spacearm.singularities.sets import prove_regular, prove_way
+from spacearm.singularities.sides import dividable, on_the_other_side, parted
 
 Rows: TypeAlias = list[Configuration]
 """The configurations along a motion, which is straight in joint space between them."""
@@ -132,7 +132,7 @@ class Problem:
             finder.ends(np.pi, SIDE_SEARCHES)
         found = account.postures
         if found["reached"] == found["side"] + found["limits"] and (
-            apart := on_the_other_side(self.start, tip, target.lower, target.upper)
+            apart := on_the_other_side(self.start, tip, finder.axes, target.lower, target.upper)
         ):
             raise ImpossibleError(f"impossible, proven: {apart}")
 

@@ -10,9 +10,9 @@ from helpers.arms import chosen, load_text, random_chain
 
 import spacearm as sa
 from spacearm.motion.goal import goal_axes
-from spacearm.planning.impossible import on_the_other_side
 from spacearm.planning.many_curves import inverse_kinematics
 from spacearm.singularities.polynomials import singularity_polynomial
+from spacearm.singularities.sides import on_the_other_side
 
 FEW = sa.Search(timeout=5.0)
 
@@ -141,7 +141,7 @@ def test_no_posture_of_the_starts_sign_is_found_where_it_is_proven_that_there_is
         start = arm.at(q).centred(np.zeros(3))
         turned = pin.SE3(pin.exp3(np.array([0.0, 0.0, turn])), np.zeros(3))
         goal = arm.at(end, base=turned).centred(np.zeros(3)).tip
-        why = on_the_other_side(start, goal, arm.lower, arm.upper)
+        why = on_the_other_side(start, goal, goal_axes(start), arm.lower, arm.upper)
         limits = arm.lower, arm.upper
         Q, _, miss = inverse_kinematics(
             arm, rng.uniform(*limits, (200, n)), goal, np.tile(np.eye(3), (200, 1, 1)),
@@ -159,13 +159,11 @@ def test_a_plan_to_the_other_side_is_impossible_whatever_the_attitude_and_says_w
     wide = sa.load("planar3", task="x y rz")
     S = singularity_polynomial(wide)
     start = arm.at([0.0, 0.5, 0.5])
-    end = next(
-        wide.at(q)
-        for q in np.random.default_rng(0).uniform(-2.0, 2.0, (100, 3))
-        if S(q) * S(start.q) < 0.0
-        and on_the_other_side(start.centred(np.zeros(3)), wide.at(q).centred(np.zeros(3)).tip,
-                              arm.lower, arm.upper)
-    )  # fmt: skip
+    origin, axes = np.zeros(3), np.eye(3)
+    others = np.random.default_rng(0).uniform(-2.0, 2.0, (100, 3))
+    places = [wide.at(q).centred(origin) for q in others if S(q) * S(start.q) < 0.0]
+    here, within = start.centred(origin), (arm.lower, arm.upper)
+    end = next(cfg for cfg in places if on_the_other_side(here, cfg.tip, axes, *within))
     goal = end.centred(start.com).tip
     with pytest.raises(sa.ImpossibleError, match="whatever the attitude") as caught:
         sa.plan(start, goal, constraints=sa.Constraints(collisions=False))

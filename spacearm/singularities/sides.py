@@ -1,4 +1,4 @@
-"""Proofs that there is no motion: det J* changes its sign on every way.
+"""Sides of the singular set: proofs that every motion crosses it, by the sign of det J*.
 
 A motion free of singularities keeps the sign of det J*. Where the spacecraft may have any attitude
 at the end, the postures that reach a goal are those with the tip as far from the system CM as the
@@ -21,7 +21,6 @@ from spacearm.arrays import Array
 from spacearm.mechanics.floating import reactions
 from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.motion.goal import goal_axes
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.singularities.polynomials import radius_squared, singularity_polynomial
 from spacearm.singularities.rounding import proven_sign
@@ -55,12 +54,15 @@ def dividable(arm: SpaceArm) -> bool:
     return arm.n == arm.task.k and arm.n <= MOST_JOINTS and turning
 
 
-def on_the_other_side(start: Configuration, goal: pin.SE3, lower: Array, upper: Array) -> str:
+def on_the_other_side(
+    start: Configuration, goal: pin.SE3, axes: Array, lower: Array, upper: Array
+) -> str:
     """Return the proof that no attitude lets the tip be at a goal with the start's sign of det J*.
 
     Args:
         start: Where the motion begins, of an arm that is `dividable`.
         goal: Pose of the tip; what the task leaves open does not count.
+        axes: (3, 3) the axes along which the task's rows are asked for, columns in inertial axes.
         lower: (n,) least joint positions.
         upper: (n,) largest.
 
@@ -68,7 +70,7 @@ def on_the_other_side(start: Configuration, goal: pin.SE3, lower: Array, upper: 
         It in words, or nothing where there is none.
     """
     arm, sign = start.arm, proven_sign(start)
-    levels = _levels(start, goal)
+    levels = _levels(start, goal, axes)
     if not sign or not levels:
         return ""
     S = singularity_polynomial(arm)
@@ -83,9 +85,9 @@ def on_the_other_side(start: Configuration, goal: pin.SE3, lower: Array, upper: 
     )
 
 
-def _levels(start: Configuration, goal: pin.SE3) -> Levels:
+def _levels(start: Configuration, goal: pin.SE3, axes: Array) -> Levels:
     """Return the functions whose values are known at a goal, none for tasks of other rows."""
-    arm, axes, normal = start.arm, goal_axes(start), start.arm.tree.plane_normal()
+    arm, normal = start.arm, start.arm.tree.plane_normal()
     here, there = (axes.T @ (pose.translation - start.com) for pose in (start.tip, goal))
     rows = {0, 1, 2} - {normal}
     if not rows <= set(arm.task.indices):
