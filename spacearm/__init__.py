@@ -22,12 +22,12 @@ workspaces   workspace risk_profile pose_risk design Workspace Region RiskProfil
 motion       simulate simulate_many simulate_phases follow move JointPD TransposedJacobian
              ResolvedRate DampedLeastSquares Reactionless Plant Sampling Integration PassiveJoint
              WheelHold Phase Grasp Release Motion Trajectory Followed Flight Event
-servo        Servo ServoStep
+servo        Servo ServoStep ServoControl Watched
 planning     plan detumble connected time_optimal Tracking collision_check Joints Constraints
              Search Plan Attempt Connection Obstacle CollisionReport
 mission      feasible_attitudes reaction size_wheels level_reach level_envelope momentum_budget
-             catch FeasibleAttitudes Reaction WheelSizing LevelReach LevelEnvelope MomentumBudget
-             Target Catch
+             catch fly_many FeasibleAttitudes Reaction WheelSizing LevelReach LevelEnvelope
+             MomentumBudget Target Catch TargetErrors CaptureEnvelope CatchRuns
 uncertainty  uncertain distance_range is_free_for_all shell_bands robust_plan identify UncertainArm
              DistanceRange RobustCertificate ShellBands Identified
 sweeps       sweep Study

@@ -59,6 +59,10 @@ from spacearm.mission.budget import MomentumBudget as MomentumBudget
 from spacearm.mission.budget import momentum_budget as momentum_budget
 from spacearm.mission.catching import Catch as Catch
 from spacearm.mission.catching import catch as catch
+from spacearm.mission.dispersions import CaptureEnvelope as CaptureEnvelope
+from spacearm.mission.dispersions import CatchRuns as CatchRuns
+from spacearm.mission.dispersions import TargetErrors as TargetErrors
+from spacearm.mission.dispersions import fly_many as fly_many
 from spacearm.mission.level import LevelEnvelope as LevelEnvelope
 from spacearm.mission.level import LevelReach as LevelReach
 from spacearm.mission.level import level_envelope as level_envelope
@@ -110,8 +114,10 @@ from spacearm.plots.report_page import design_report as design_report
 from spacearm.plots.show import plot as plot
 from spacearm.polynomial.certificate import Certificate as Certificate
 from spacearm.polynomial.trig import TrigPolynomial as TrigPolynomial
+from spacearm.servo.control import ServoControl as ServoControl
 from spacearm.servo.servo import Servo as Servo
 from spacearm.servo.servo import ServoStep as ServoStep
+from spacearm.servo.watching import Watched as Watched
 from spacearm.singularities.abstract_set import SingularSet as SingularSet
 from spacearm.singularities.box_graph import FreeBoxes as FreeBoxes
 from spacearm.singularities.box_graph import free_boxes as free_boxes

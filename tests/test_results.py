@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.catching import caught
+from helpers.catching import caught, flown
 from helpers.sweeps import STUDY
 
 import spacearm as sa
@@ -97,7 +97,9 @@ RESULTS = {
     "Barycentric": barycentric,
     "Bus": lambda: sa.Bus(12.0, size=(0.1, 0.2, 0.3)),
     "Capture": grasp,
+    "CaptureEnvelope": lambda: sa.CaptureEnvelope(place=0.1),
     "Catch": caught,
+    "CatchRuns": flown,
     "Certificate": lambda: singular_set().is_free([0.1, 0.2], [0.2, 0.3]),
     "Certificate of a singularity": lambda: singular_set().is_free([0.1, -2.0], [0.1, 2.0]),
     "CollisionReport": lambda: sa.collision_check(configuration(), sa.Obstacle.sphere(9.0)),
@@ -151,6 +153,7 @@ RESULTS = {
     "SingularSet": singular_set,
     "Search": lambda: sa.Search(seed=1),
     "Servo": lambda: sa.Servo(arm(), accelerations=1.0),
+    "ServoControl": lambda: sa.ServoControl(servo=sa.Servo(arm()), twist=[0.1, 0.0]),
     "ServoStep": lambda: sa.Servo(arm()).step(configuration(), [0.1, 0.0], 0.01),
     "SingularityReport": lambda: sa.singularity(configuration()),
     "SpaceArm": arm,
@@ -173,9 +176,11 @@ RESULTS = {
     "UncertainArm": lambda: unsure(),
     "VirtualManipulator": lambda: barycentric().virtual_manipulator,
     "WheelSizing": lambda: sa.size_wheels(arm(), tip_speed=0.1, samples=20),
+    "TargetErrors": lambda: sa.TargetErrors(place=0.1),
     "Tracking": lambda: sa.Tracking(motion()),
     "Plant": lambda: sa.Plant(wrenches={"bus": lambda t: [t, 0.0, 0.0, 0.0, 0.0, 0.0]}),
     "WheelHold": lambda: sa.WheelHold(stiffness=1.0, damping=2.0, torque=0.1, capacity=5.0),
+    "Watched": lambda: next(sa.Servo(arm()).watch([{"t": 0.0, "q": [0.3, 1.2]}])),
     "Workspace": workspace,
 }
 
@@ -224,11 +229,11 @@ def test_coefficients_of_a_polynomial_are_real_and_imaginary_parts():
     np.testing.assert_array_equal(pairs[..., 0] + 1j * pairs[..., 1], S.coefficients)
 
 
-GIVEN = {
+GIVEN = {"CaptureEnvelope", "TargetErrors",
     "Bus", "Constraints", "DampedLeastSquares", "GeneralizedJacobianTask", "Grasp", "Integration",
     "JointPD", "Joints", "MomentumConservation", "Obstacle", "PassiveJoint", "Phase", "Plant",
-    "Reactionless", "Release", "ResolvedRate", "Sampling", "Search", "Servo", "SingularityBarrier",
-    "Study", "Task", "Tracking", "TransposedJacobian", "WheelHold",
+    "Reactionless", "Release", "ResolvedRate", "Sampling", "Search", "Servo", "ServoControl",
+    "SingularityBarrier", "Study", "Task", "Tracking", "TransposedJacobian", "WheelHold",
 }  # fmt: skip
 ROWS = {"ArmInfo", "Attempt", "Configuration", "Event", "ModelInfo"}
 """What a caller gives, and what stands in the tables of others, has no description of its own."""

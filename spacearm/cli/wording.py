@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
-OPTIONS = {
+OPTIONS: dict[str, str | Callable[[re.Match[str]], str]] = {
+    r"\bsa\.mount\('[^']*', sa\.Bus\(mass=\.\.\., size=\.\.\.\)\)": "--bus KG",
+    r"xacro_args=\{(.*?)\}": lambda found: " ".join(
+        f"--arg {name}:={value}" for name, value in re.findall(r'"([^"]*)": "([^"]*)"', found[1])
+    ),
+    r"packages=\[FOLDER\]": "--package FOLDER",
+    r"\b(?:arm\.replace\()?tip='([^']+)'\)?": r"--tip \1",
+    r"\btip=\('([^']+)', '([^']+)'\)": r"--tip \1,\2",
+    r"\bdensity=(\d+) \[kg/m\^3\]": r"--density \1",
     r"locked=\{'([^']*)': ([^}]*)\}": r"--lock \1=\2",
     r"locked=\{\.\.\.\}": "--lock JOINT=VALUE",
     r"\b(limits|collisions)=False": r"--with constraints.\1=false",

@@ -259,7 +259,9 @@ def bolted(
     known = find_arm(arm)
     path = known.path if known else formats.path_of(arm)
     tips = (tip,) if tip else ()
-    alone = replace(reading or Reading(), spacecraft=False, locked=locked or {}, tips=tips)
+    alone = replace(
+        reading or Reading(), spacecraft=False, locked=locked or {}, tips=tips, known=bool(known)
+    )
     tree = formats.read(known.path if known else arm, alone)
     asked = tip or (known.tip if known else None)
     chosen = choose_tips(tree, path, asked)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import re
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -122,7 +123,7 @@ class Shape(NamedTuple):
     def reach(self) -> float:
         """Return how far the shape reaches from the origin of the link [m].
 
-        Zero for meshes that would take long to read, or cannot be.
+        Zero for meshes that cannot be read.
         """
         with np.errstate(over="ignore", invalid="ignore"):  # of sizes that are checked in use
             match self.geometry:
@@ -253,41 +254,43 @@ def faces(points: Array) -> Array:
 FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb")
 LARGEST_MESH = 10**8
 """Largest size of a mesh file [bytes]."""
-LARGEST_TEXT = 5 * 10**6
-"""Largest size of a mesh file in text that is read for its bounds alone [bytes]."""
 MOST_TRIANGLES = 10**7
 """Largest number of triangles of a mesh: a file may place one part any number of times."""
 MOST_NODES = 10_000
 """Largest number of nodes of a COLLADA scene."""
+Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""Turns the y axis of a mesh to z."""
 
 
 def mesh_bounds(path: Path) -> Array | None:
-    """Return the least and the largest coordinates (2, 3) of an STL or OBJ file.
+    """Return the least and the largest coordinates (2, 3) of a mesh file [m]; None if unreadable.
 
-    These have no unit. None for other formats, large files of text, and what cannot be read.
+    They are as `read_mesh` reads them; of STL and OBJ files, which are fast to scan, those of all
+    vertices.
     """
     try:
-        if path.suffix.lower() not in (".stl", ".obj") or path.stat().st_size > LARGEST_MESH:
-            return None
         return _bounds(path, path.stat().st_mtime_ns)
-    except (OSError, ValueError):
+    except (OSError, ValueError, ModelError):
         return None
+
+
+VERTEX = re.compile(rb"^[ \t]*v(?:ertex)?[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", re.MULTILINE)
+"""A vertex in the text of an STL or OBJ file."""
 
 
 @lru_cache(maxsize=1024)
 def _bounds(path: Path, _: int) -> Array | None:
-    """Return the bounds of an STL or OBJ file, kept until it changes."""
+    """Return the bounds of a mesh file, kept until it changes."""
+    suffix = path.suffix.lower()
+    if suffix not in (".stl", ".obj"):
+        return np.array(read_mesh(path).bounds)
     content = read(path, LARGEST_MESH)
     triangles = int.from_bytes(content[80:84], "little")
-    if path.suffix.lower() == ".stl" and len(content) == 84 + 50 * triangles:
+    if suffix == ".stl" and len(content) == 84 + 50 * triangles:
         fields = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
         points = np.frombuffer(content, fields, offset=84)["corners"].reshape(-1, 3)
-    elif len(content) > LARGEST_TEXT:
-        return None
     else:
-        lines = (line.split() for line in content.splitlines())
-        words = [line[1:4] for line in lines if line[:1] in ([b"v"], [b"vertex"])]
-        points = np.array(words, dtype=np.float64).reshape(-1, 3)
+        points = np.array(VERTEX.findall(content), dtype=np.float64).reshape(-1, 3)
     return np.stack((points.min(axis=0), points.max(axis=0))) if len(points) else None
 
 
@@ -295,7 +298,8 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
     """Read the triangles of a mesh file in metres, without textures.
 
     The unit that a COLLADA file states is applied. Its up axis is not: a robot file places a mesh
-    by the axes of its coordinates, as RViz and Gazebo show it.
+    by the axes of its coordinates, as RViz and Gazebo show it. The y axis of glTF (GLB), which is
+    up in all files of this format, becomes z, as in RViz and Drake.
 
     Raises:
         ModelError: The format is not one of `FORMATS`, or the file is too large, broken, without
@@ -342,6 +346,8 @@ def _mesh(path: Path) -> trimesh.Trimesh:
             solid.merge_vertices()
         mesh: trimesh.Trimesh = scene.to_mesh()
         mesh.vertices = metre * np.asarray(mesh.vertices)
+        if suffix == ".glb":
+            mesh.vertices = mesh.vertices @ Y_UP.T
     if not (np.abs(mesh.vertices) <= LARGEST).all():
         raise ValueError(f"it has coordinates that are not finite or beyond {LARGEST:g}")
     return mesh

@@ -116,7 +116,7 @@ def _found(tree: Tree, path: Path) -> Tips:
     if tree.freedoms > MOST_JOINTS:
         raise ModelError(
             f"{path}: {tree.freedoms} movable joints are too many to look for a tip among; name "
-            "it: tip="
+            "it: tip=LINK"
         )
     common, arms = shared(joint.child for joint in tree.movable()), _arms(tree)
     found = [tip for body, begin in arms.items() for tip in _on(tree, common, body, begin)]
@@ -145,8 +145,7 @@ def _found(tree: Tree, path: Path) -> Tips:
     if len(best) > 1:
         raise ModelError(
             f"{path}: {len(links)} links could be the tip: {listed(links)}; choose one with "
-            f"tip={links[0]!r} (command line: --tip {links[0]}), or several with "
-            f"tip=({links[0]!r}, {links[1]!r}){rest}"
+            f"tip={links[0]!r}, or several with tip=({links[0]!r}, {links[1]!r}){rest}"
         )
     return Tips((links[0],), best[0].reason + rest)
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, named, plain, read_only
+from spacearm.arrays import Array, finite, named, plain, positive, read_only
 from spacearm.description.bodies import Inertial
 from spacearm.description.bus import Bus
 from spacearm.description.readers import formats
@@ -59,7 +59,8 @@ class Target(Described):
     `sa.plan` and `sa.collision_check` take it as an obstacle.
 
     Attributes:
-        body: What it is: a `Bus`, or a URDF, SDF or MJCF whose links are all fixed to each other.
+        body: What it is: a `Bus`, or a URDF, SDF or MJCF whose links are all fixed to each other;
+            or the `tree` of another target.
         pose: Pose of its frame, that of the root link, in the inertial frame at time 0.
         twist: (6,) its motion at time 0: velocity of the origin of its frame [m/s] and angular
             velocity [rad/s], inertial axes.
@@ -87,7 +88,7 @@ class Target(Described):
         array([ 1.799,  0.437, -0.437])
     """
 
-    body: Bus | RobotSource
+    body: Bus | RobotSource | Tree
     pose: pin.SE3
     twist: Array
     grapples: Mapping[str, pin.SE3]
@@ -96,7 +97,7 @@ class Target(Described):
 
     def __init__(
         self,
-        body: Bus | RobotSource,
+        body: Bus | RobotSource | Tree,
         pose: PoseLike = HERE,
         *,
         twist: npt.ArrayLike = (0.0,) * 6,
@@ -104,7 +105,7 @@ class Target(Described):
         orbit: float = 0.0,
         name: str = "",
     ) -> None:
-        if not isinstance(body, (Bus, str, os.PathLike, *PINOCCHIO_MODELS)):
+        if not isinstance(body, (Bus, Tree, str, os.PathLike, *PINOCCHIO_MODELS)):
             raise ConfigurationError(f"body is {body!r}; give a sa.Bus or the path of a robot file")
         if not isinstance(grapples, Mapping):
             raise ConfigurationError(f"grapples is {grapples!r}; give {{name: pose}}")
@@ -135,6 +136,8 @@ class Target(Described):
     @cached_property
     def tree(self) -> Tree:
         """Its links, all fixed to each other."""
+        if isinstance(self.body, Tree):
+            return self.body
         tree = self.body.tree() if isinstance(self.body, Bus) else formats.read(self.body)
         if moving := [joint.name for joint in tree.movable()]:
             raise ModelError(
@@ -223,6 +226,28 @@ class Target(Described):
     def replace(self, **changes: Any) -> Target:
         """Return the target with other values: another pose or twist, for example."""
         return replace(self, **changes)
+
+    def scaled(self, mass: float, inertia: float) -> Target:
+        """Return the target with its mass and its inertia about the CM times factors.
+
+        Of several links only the shapes of the root are kept: it is for simulations.
+
+        Args:
+            mass: Factor of the mass.
+            inertia: Factor of the inertia.
+
+        Raises:
+            ConfigurationError: One is not positive.
+        """
+        own = self.inertial
+        other = Inertial(
+            own.mass * positive(mass, "mass", "factor"), own.origin,
+            own.inertia * positive(inertia, "inertia", "factor"),
+        )  # fmt: skip
+        tree, root = self.tree, self.tree.root
+        visuals = {link: shapes for link, shapes in tree.visuals.items() if link == root}
+        alone = replace(tree, links={root: other}, joints={}, visuals=visuals, tips=(), marks=())
+        return self.replace(body=alone)
 
     def describe(self) -> Description:
         """Describe it: mass, inertia, motion and grapple frames."""

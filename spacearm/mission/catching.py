@@ -182,11 +182,7 @@ class Catch(Result):
         Raises:
             SpaceArmError: As `simulate_phases` raises.
         """
-        target = actual or self.target
-        frame = target.at(self.t)
-        v, w = frame.twist[:3], frame.twist[3:]
-        twist = np.concatenate((v + np.cross(w, frame.pose.rotation @ target.com), w))
-        grasp = Grasp(**_in_hand(target, self.t, self.chase[-1].tip), twist=twist)
+        grasp = grasp_of(actual or self.target, self.t, self.chase[-1].tip)
         begun = replace(self.plan, t=self.begin + self.plan.t)
         stages = (
             Phase(Tracking(begun), float(begun.t[-1]), plant=plant, integration=integration),
@@ -582,6 +578,14 @@ def _in_hand(target: Target, t: float, tip: pin.SE3) -> dict[str, Any]:
         "inertia": R @ target.inertia @ R.T,
         "com": seen.act(target.com),
     }
+
+
+def grasp_of(target: Target, t: float, tip: pin.SE3) -> Grasp:
+    """Return the grasp of a target at a time [s] by a tip."""
+    frame = target.at(t)
+    v, w = frame.twist[:3], frame.twist[3:]
+    twist = np.concatenate((v + np.cross(w, frame.pose.rotation @ target.com), w))
+    return Grasp(**_in_hand(target, t, tip), twist=twist)
 
 
 def joined(begin: float, reach: Motion, chase: Motion) -> Motion:

@@ -344,7 +344,8 @@ class Tracking(Law):
     """tau = inverse dynamics of ddq_d + 2 rate (dq_d - dq) + rate^2 (q_d - q): computed torque.
 
     The inverse dynamics control of Siciliano, Sciavicco, Villani & Oriolo, Robotics (2009), section
-    8.5.2, DOI 10.1007/978-1-84628-642-1, with the dynamics of the floating arm.
+    8.5.2, DOI 10.1007/978-1-84628-642-1, with the dynamics of the floating arm. Masses and momentum
+    are those of the motion, as it was planned, whatever the arm that is led has.
 
     Where wheels bring a tumbling spacecraft to rest, the law minds their torques: `wheel_torques`,
     which `sa.simulate` takes as `wheels=`.
@@ -389,8 +390,8 @@ class Tracking(Law):
             turned = cfg.arm.at(cfg.q, base=cfg.base, wheels=self.wheel_torques(t)).stored
             wrenches[cfg.arm.tree.root] = -turned  # on the spacecraft
         momentum = getattr(self.motion, "momentum", np.zeros((1, 6)))[0]
-        cfg, mode = cfg.with_momentum(momentum), self.motion.mode
-        return inverse_dynamics(cfg, dq, ddq, mode=mode, wrenches=wrenches).tau
+        known = self.motion.arm.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=momentum)
+        return inverse_dynamics(known, dq, ddq, mode=self.motion.mode, wrenches=wrenches).tau
 
     @property
     def moving(self) -> bool:

@@ -223,6 +223,15 @@ class Grasp(Parameters):
     twist: npt.ArrayLike | None = None
     joints: JointState = "free"
 
+    def impact(self, cfg: Configuration, dq: Array) -> Capture:
+        """Return the impact in a configuration with joint rates (n,), as `capture` has it."""
+        twist = self.twist
+        if twist is None:
+            t = cfg.J @ generalized_velocity(cfg, dq)
+            lever = cfg.tip.rotation @ finite(self.com, (3,), "com of the body", "[m], tip frame")
+            twist = np.concatenate((t[:3] + np.cross(t[3:], lever), t[3:]))
+        return capture(cfg, twist, self.mass, self.inertia, self.com, dq=dq, joints=self.joints)
+
 
 @checked
 @dataclass(frozen=True)
@@ -329,7 +338,7 @@ def simulate_phases(
             break
         start, dq = run[-1], run.dq[-1]
         if isinstance(phase.then, Grasp):
-            captures.append(_grasp(run, phase.then))
+            captures.append(phase.then.impact(start, run.dq[-1]))
             held.append(captures[-1].configuration.arm)
             start, dq = _holding(held[-1], start, captures[-1].momentum), captures[-1].dq
             detail = f"{phase.then.mass:g} kg, {captures[-1].energy_lost:.3g} J lost"
@@ -344,17 +353,6 @@ def simulate_phases(
 def _holding(arm: SpaceArm, cfg: Configuration, momentum: Array) -> Configuration:
     """Return a configuration of an arm that holds something else now."""
     return arm.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=momentum)
-
-
-def _grasp(run: Trajectory, body: Grasp) -> Capture:
-    """Return the impact at the end of a phase."""
-    cfg, dq = run[-1], run.dq[-1]
-    twist = body.twist
-    if twist is None:
-        t = cfg.J @ generalized_velocity(cfg, dq)
-        lever = cfg.tip.rotation @ finite(body.com, (3,), "com of the body", "[m], tip frame")
-        twist = np.concatenate((t[:3] + np.cross(t[3:], lever), t[3:]))
-    return capture(cfg, twist, body.mass, body.inertia, body.com, dq=dq, joints=body.joints)
 
 
 def _kept(run: Trajectory, arm: SpaceArm) -> Array:

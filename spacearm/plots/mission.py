@@ -12,6 +12,7 @@ from spacearm.errors import ConfigurationError
 from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.mission.budget import MomentumBudget
 from spacearm.mission.catching import Catch
+from spacearm.mission.dispersions import MISSES, CatchRuns
 from spacearm.mission.level import LevelEnvelope, LevelReach
 from spacearm.mission.reactions import PERCENTILES, Reaction, WheelSizing
 from spacearm.plots.style import (
@@ -90,6 +91,27 @@ def draw_catch(result: Catch, *, ax: Any = None) -> Figure:
         f"{standing:.3g} s, contact at {result.t:.4g} s",
     )
     return gap.figure
+
+
+@draws(CatchRuns)
+def draw_catch_runs(result: CatchRuns, *, ax: Any = None) -> Figure:
+    """Draw how the errors at contact are distributed, over what the envelope allows.
+
+    Args:
+        result: The runs.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    axes = axes_for(ax, 6.8, 4.2)
+    shares = np.linspace(0.0, 100.0, len(result.caught))
+    words = ("place", "angle", "velocity", "angular velocity")
+    for name, word, color in zip(MISSES, words, COLOURS, strict=False):
+        off = np.sort(getattr(result, name)) / getattr(result.envelope, name)
+        axes.plot(off, shares, color=color, label=word)
+    axes.axvline(1.0, color=GREY, ls="--", label="envelope")
+    axes.set(xlabel="at contact, over the envelope", ylabel="runs [%]", xlim=(0.0, None))
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    entitle(axes, f"{result.catch.arm.name}: {result.share:.1%} of {len(shares)} runs caught")
+    return axes.figure
 
 
 @draws(Reaction)

@@ -237,4 +237,4 @@ def test_info_says_what_was_chosen_why_and_how_to_choose_otherwise(tmp_path):
     asked = spacearm("query", path, "0")
     assert asked.returncode == 2
     assert "2 links could be the tip: arm, wing" in asked.stderr
-    assert "command line: --tip arm" in asked.stderr
+    assert "choose one with --tip arm, or several with --tip arm," in asked.stderr

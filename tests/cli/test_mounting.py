@@ -158,6 +158,20 @@ def test_bad_options(words, message):
     assert message in run.stderr.splitlines()[-1]
 
 
+def test_remedies_for_arms_alone_are_options(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(robot(frame("base"), link("arm", 2.0), joint("elbow", "base", "arm")))
+    rail = tmp_path / "rail.urdf"
+    slide = joint("slide", "base", "arm", "prismatic")
+    rail.write_text(robot(frame("base"), link("arm", 2.0), link("tool", 1.0), slide,
+                          joint("elbow", "arm", "tool")))  # fmt: skip
+    for words in (("info", path), ("info", rail), ("info", "ur5")):
+        told = spacearm(*words).stderr
+        assert "--bus KG" in told
+        assert "sa." not in told
+        assert "=" not in told.replace("--lock slide=0.0", "")
+
+
 def test_xacro_arguments_and_packages(tmp_path):
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "parts.xacro").write_text(PARTS)
@@ -166,10 +180,10 @@ def test_xacro_arguments_and_packages(tmp_path):
     path.write_text(XACRO)
     bus = ("--bus-mass", "90:1,1,1")
     lacking = spacearm("info", path, *bus, "--arg", "mass:=7")
-    assert "name the folder that holds 'parts': packages=[FOLDER] or --package" in lacking.stderr
+    assert "name the folder that holds 'parts': --package FOLDER" in lacking.stderr
     package = ("--package", tmp_path)
     lacking = spacearm("info", path, *bus, *package)
-    assert "on the command line --arg mass:=..." in lacking.stderr
+    assert "give --arg mass:=..." in lacking.stderr
     assert answer("info", path, *bus, *package, "--arg", "mass:=7")["mass"] == 97.0
 
 
@@ -178,7 +192,7 @@ def test_density_and_notes(tmp_path):
     arm = f'<link name="arm">{BOX}</link>'
     path.write_text(robot(link("bus", 50.0), arm, joint("elbow", "bus", "arm")))
     refused = spacearm("info", path)
-    assert "--density 2700 on the command line" in refused.stderr
+    assert "from their shapes: --density 2700" in refused.stderr
     told = spacearm("info", path, "--density", "1000")
     assert (
         "note: density 1000 kg/m^3 gives mass and inertia from shapes: 'arm' 10 kg" in told.stdout

@@ -90,12 +90,15 @@ def drawn_by(tmp_path, tag, geometry, at="0 0 0"):
         return [note for note in sa.load(path).notes if "as if in millimetres" in note]
 
 
-@pytest.mark.parametrize("suffix", [".stl", ".obj", ".STL", ".ascii.stl"])
+@pytest.mark.parametrize(
+    "suffix", [".stl", ".obj", ".STL", ".ascii.stl", ".dae", ".ply", ".ascii.ply", ".glb"]
+)
 @pytest.mark.parametrize("tag", ["visual", "collision"])
 def test_shapes_in_millimetres_are_implausible_too(suffix, tag, tmp_path):
     mesh = trimesh.creation.box(EDGES * 1000.0)
-    kind = "stl_ascii" if "ascii" in suffix else suffix[1:].lower()
-    mesh.export(tmp_path / f"box{suffix}", file_type=kind)
+    kind = "stl_ascii" if suffix == ".ascii.stl" else suffix.rpartition(".")[2].lower()
+    encoding = {"encoding": "ascii"} if suffix == ".ascii.ply" else {}
+    mesh.export(tmp_path / f"box{suffix}", file_type=kind, **encoding)
     told = drawn_by(tmp_path, tag, f'<mesh filename="box{suffix}"/>')
     assert len(told) == 1
     reach = np.linalg.norm(EDGES) * 500.0
@@ -110,9 +113,34 @@ def test_primitives_in_millimetres_are_implausible_and_wide_panels_are_not(tmp_p
     assert not drawn_by(tmp_path, "visual", '<box size="30 2 0.02"/>')
 
 
+def test_text_of_any_length_and_collada_in_metres_are_told_apart(tmp_path):
+    big = trimesh.creation.icosphere(6, radius=500.0)
+    big.export(tmp_path / "big.obj", digits=16)
+    assert (tmp_path / "big.obj").stat().st_size > 3e6
+    assert drawn_by(tmp_path, "visual", '<mesh filename="big.obj"/>')
+    collada(tmp_path / "box.dae", "0.001", metre=0.001)
+    assert not drawn_by(tmp_path, "visual", '<mesh filename="box.dae"/>')
+    collada(tmp_path / "box.dae", metre=0.001)
+    assert drawn_by(tmp_path, "visual", '<mesh filename="box.dae"/>')
+
+
+def test_the_y_axis_of_gltf_becomes_z(tmp_path):
+    trimesh.creation.box(EDGES).export(tmp_path / "box.glb")  # as glTF: the second edge is up
+    body = arm_of(tmp_path, '<mesh filename="box.glb"/>').model.inertias[2]
+    x, y, z = EDGES[[0, 2, 1]]
+    moments = np.array([y * y + z * z, x * x + z * z, x * x + y * y]) / 12
+    np.testing.assert_allclose(body.inertia, body.mass * np.diag(moments), rtol=1e-6, atol=1e-9)
+    corner = trimesh.Trimesh(np.vstack((np.zeros(3), np.eye(3))), [[1, 2, 3], [0, 2, 1]])
+    corner.export(tmp_path / "corner.glb")
+    found = np.asarray(read_mesh(tmp_path / "corner.glb").vertices)
+    for point in ([1, 0, 0], [0, 0, 1], [0, -1, 0]):
+        assert np.isclose(found, point).all(axis=1).any()
+
+
 def test_bounds_are_those_of_the_mesh_and_follow_the_file(tmp_path):
     rng = np.random.default_rng(0)
-    for kind, file_type in ((".stl", "stl"), (".obj", "obj"), (".stl", "stl_ascii")):
+    kinds = ((".stl", "stl"), (".obj", "obj"), (".stl", "stl_ascii"), (".ply", "ply"))
+    for kind, file_type in (*kinds, (".glb", "glb"), (".dae", "dae")):
         for factor in (1.0, 3.0):
             path = tmp_path / f"cloud{kind}"
             trimesh.convex.convex_hull(factor * rng.normal(size=(40, 3))).export(path, file_type)

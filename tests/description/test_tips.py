@@ -170,8 +170,8 @@ def test_two_arms_are_a_question():
     with pytest.raises(sa.ModelError) as error:
         found(*parts)
     assert re.search(
-        r"2 links could be the tip: left_3, right_3; choose one with tip='left_3' "
-        r"\(command line: --tip left_3\), or several with tip=\('left_3', 'right_3'\); "
+        r"2 links could be the tip: left_3, right_3; choose one with tip='left_3', "
+        r"or several with tip=\('left_3', 'right_3'\); "
         "other arms end in mast_2",
         str(error.value),
     )

@@ -81,7 +81,7 @@ BAD = {
     ),
     "a spacecraft without inertial": (
         robot(frame("bus"), ARM, ELBOW),
-        r"spacecraft 'bus', the root link, has no mass.*sa\.mount\(.*--bus KG.*spacearm mount",
+        r"spacecraft 'bus', the root link, has no mass.*mount it: sa\.mount\(",
     ),
     "mass without inertia": (
         robot(BUS, '<link name="arm"><inertial><mass value="1"/></inertial></link>', ELBOW),

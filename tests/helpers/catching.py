@@ -13,3 +13,9 @@ def caught() -> sa.Catch:
     box, ring = sa.Bus(60.0, size=(0.6, 0.6, 0.8)), sa.pose((0, 0, -0.45))
     target = sa.Target(box, place, grapples={"ring": ring})
     return sa.catch(start, target, window=(10, 10), wanted=1)
+
+
+@cache
+def flown() -> sa.CatchRuns:
+    """Three runs of that catch."""
+    return sa.fly_many(caught(), runs=3, sampling=sa.Sampling(period=0.2))

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import xarray as xr
-from helpers.catching import caught
+from helpers.catching import caught, flown
 from helpers.labels import touching
 from matplotlib.figure import Figure
 
@@ -74,6 +74,7 @@ def results():
         ),
         "a catch": (caught(), 3),
         "a held body": (identified(), 1),
+        "runs of a catch": (flown(), 1),
         "a reaction": (sa.reaction(run), 4),
         "a level reach": (
             sa.level_reach(planar.at([-0.6, 1.4]), 0.03, directions=12, planned=True, cell=0.1),
@@ -287,7 +288,7 @@ def test_what_cannot_be_drawn_is_told_what_can(thing):
         plot(thing)
 
 
-WORDS_ALONE = ("Certificate", "RobustCertificate", "ServoStep")
+WORDS_ALONE = ("Certificate", "RobustCertificate", "ServoStep", "Watched")
 """Results that are a verdict or an instant: there is nothing to draw."""
 
 

@@ -259,8 +259,7 @@ def with_floating_base(source: Source, tree: Tree) -> Tree:
             f"{spacecraft!r} may be a spacecraft that floats, or an arm on a rail",
             "for a spacecraft, lock these joints, as in "
             f"locked={{{way[0].name!r}: 0.0}}, and it floats by itself; an arm on a rail is "
-            f"mounted with its rail: sa.mount({str(source.path)!r}, sa.Bus(mass=..., size=...)), "
-            "on the command line --bus KG",
+            f"mounted with its rail: sa.mount({str(source.path)!r}, sa.Bus(mass=..., size=...))",
         )
     if not source.reading.spacecraft:
         source.warn(

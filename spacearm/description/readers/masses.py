@@ -53,7 +53,8 @@ def checked(source: Source, tree: Tree) -> Tree:
     if source.reading.check != "accept":
         tree = _without_idle_leaves(source, tree)
     _check_motions(source, tree)
-    for doubt in implausible(tree, estimated):
+    drawn = {} if source.reading.known else tree.visuals
+    for doubt in implausible(replace(tree, visuals=drawn), estimated):
         source.warn(doubt)
     return tree
 
@@ -67,12 +68,10 @@ def _require_masses(source: Source, tree: Tree) -> None:
                 f"the root link {tree.root!r} has no mass, and no joint can move",
                 "describe the mass of the spacecraft and the joints of its arm",
             )
-        file = str(source.path)
         source.fail(
             f"the spacecraft {tree.root!r}, the root link, has no mass (its <inertial> is zero or "
             "missing), as if this is an arm alone",
-            f"mount it: sa.mount({file!r}, sa.Bus(mass=..., size=...)), or on the command line "
-            f"--bus KG, or spacearm mount {file} --bus KG -o robot.urdf; or give that "
+            f"mount it: sa.mount({str(source.path)!r}, sa.Bus(mass=..., size=...)); or give that "
             "link a mass and an inertia",
         )
     spacecraft = masses.pop(tree.root)
@@ -80,15 +79,14 @@ def _require_masses(source: Source, tree: Tree) -> None:
     if source.reading.spacecraft and spacecraft < LIGHT * moving:
         source.note(
             f"the spacecraft {tree.root!r} has {spacecraft:.3g} kg, and what moves on it "
-            f"{moving:.3g} kg, as if this is an arm alone: sa.mount and --bus put it on one"
+            f"{moving:.3g} kg, as if this is an arm alone: sa.mount puts it on one"
         )
     if masses and not any(masses.values()):
         source.fail(
             f"no movable link has mass: <inertial> is zero or missing in {_quoted(masses)}",
-            "add it, or estimate it from their shapes: density=2700 [kg/m^3] in Python, "
-            "--density 2700 on the command line"
+            "add it, or estimate it from their shapes: density=2700 [kg/m^3]"
             if source.reading.density is None
-            else "add it, or the mesh files of their shapes: packages=[FOLDER] or --package FOLDER",
+            else "add it, or the mesh files of their shapes: packages=[FOLDER]",
         )
 
 

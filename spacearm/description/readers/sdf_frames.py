@@ -295,7 +295,7 @@ def included(source: Source, include: etree._Element, *, needed: bool) -> etree.
             return None
         source.fail(
             problem,
-            "name the folder that holds it with packages=, or write the file out whole: "
+            "name the folder that holds it with packages=[FOLDER], or write the file out whole: "
             "gz sdf -p FILE",
         )
     if sum(1 for _ in include.iterancestors("include")) > DEEPEST:

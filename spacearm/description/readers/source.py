@@ -90,6 +90,8 @@ class Reading:
         tips: Links that are asked for as tips: of several robots in a file the one that has them
             is read.
         rigid: Whether the robot may have no joint, as a bus for an arm.
+        known: Whether its shapes are known to be right, as those of the catalogue, and their meshes
+            need not be read.
     """
 
     check: Check = "error"
@@ -99,6 +101,7 @@ class Reading:
     spacecraft: bool = True
     locked: Mapping[str, float] = field(default_factory=dict)
     rigid: bool = False
+    known: bool = False
     tips: tuple[str, ...] = ()
 
     @classmethod

@@ -100,10 +100,9 @@ def _fail_without_file(source: Source, expansion: Expansion, error: MissingFileE
 
 
 def _remedy(values: dict[str, str]) -> str:
-    """Return how values are given, in Python and on the command line."""
+    """Return how values are given."""
     pairs = ", ".join(f'"{name}": "{value}"' for name, value in values.items())
-    words = " ".join(f"--arg {name}:={value}" for name, value in values.items())
-    return f"give xacro_args={{{pairs}}}, or on the command line {words}"
+    return f"give xacro_args={{{pairs}}}"
 
 
 def _fail_as_part(source: Source, written: etree._Element) -> NoReturn:

@@ -208,7 +208,7 @@ class Expansion:
             raise MissingPackageError(
                 f"reads {filename[package.start() :]} of the package {package[1]!r}, which was "
                 "not found",
-                f"name the folder that holds {package[1]!r}: packages=[FOLDER] or --package FOLDER",
+                f"name the folder that holds {package[1]!r}: packages=[FOLDER]",
             )
         file = Path(os.path.normpath(filename))
         self._evaluator.step(MACRO)
@@ -217,7 +217,7 @@ class Expansion:
         if not self._packages.holds(file):
             raise XacroError(
                 f"reads {file}, which is in none of its packages",
-                "if it is meant to, name its folder by packages=[FOLDER] or --package FOLDER",
+                "if it is meant to, name its folder by packages=[FOLDER]",
             )
         self.files.append(file)
         try:

@@ -1,0 +1,316 @@
+"""Dispersions of a catch: how many catches succeed where the target is not quite as planned."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.stats import binomtest
+
+from spacearm.arrays import Array, Parameters, finite, generator, plain, positive, whole
+from spacearm.errors import ConfigurationError, NoSolutionError
+from spacearm.mechanics.dynamics import generalized_velocity, spacecraft_twist
+from spacearm.mechanics.target import Target
+from spacearm.mission.catching import Catch, grasp_of
+from spacearm.model.arm import Configuration
+from spacearm.motion.controllers import Tracking
+from spacearm.motion.motion import Motion
+from spacearm.motion.plant import Integration, Plant, Sampling
+from spacearm.motion.simulation import COARSE, simulate_many
+from spacearm.results import Cell, Column, Description, Measure, Result, Table
+from spacearm.signatures import checked
+
+MISSES = ("place", "turn", "velocity", "rate")
+"""What an envelope bounds, and a run is measured by."""
+
+
+@checked
+@dataclass(frozen=True, kw_only=True)
+class TargetErrors(Parameters):
+    """How wrong the estimate of a target is that a catch was planned with.
+
+    Errors of pose and twist are those of the estimate at time 0: normally distributed along all
+    axes alike, the root mean square of their length is given. Masses are distributed evenly.
+
+    Attributes:
+        mass: Largest error of the mass, as a share.
+        inertia: The same of the inertia about its CM, by a factor of its own.
+        place: Error of the place of its CM [m].
+        turn: Error of its attitude [rad].
+        velocity: Error of the velocity of its CM [m/s].
+        rate: Error of its angular velocity [rad/s].
+        delay: How old the estimate is that was taken for that of time 0 [s].
+    """
+
+    mass: float = 0.2
+    inertia: float = 0.2
+    place: float = 0.01
+    turn: float = float(np.radians(1.0))
+    velocity: float = 5e-4
+    rate: float = 5e-4
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in self.to_dict().items():
+            if not float(finite(value, (), name, "from 0 on")) >= 0.0:
+                raise ConfigurationError(f"{name} is {value}; give a number from 0 on")
+        for name in ("mass", "inertia"):
+            if getattr(self, name) >= 1.0:
+                raise ConfigurationError(f"{name} is {getattr(self, name)}; give a share below 1")
+
+    def sample(self, target: Target, rng: np.random.Generator) -> Target:
+        """Return a target as it may be.
+
+        Args:
+            target: As it was estimated.
+            rng: Random numbers.
+        """
+        mass, inertia = 1.0 + np.array([self.mass, self.inertia]) * rng.uniform(-1.0, 1.0, 2)
+        place, turn, velocity, rate = rng.normal(size=(4, 3)) / np.sqrt(3.0)
+        seen = target.at(self.delay)
+        R, w = pin.exp3(self.turn * turn) @ seen.pose.rotation, seen.twist[3:] + self.rate * rate
+        com = seen.pose.act(target.com) + self.place * place
+        lever = R @ target.com
+        v = seen.twist[:3] + np.cross(seen.twist[3:], seen.pose.rotation @ target.com)
+        v = v + self.velocity * velocity - np.cross(w, lever)
+        there = pin.SE3(R, com - lever)
+        moved = target.replace(pose=there, twist=np.concatenate((v, w)))
+        return moved.scaled(float(mass), float(inertia))
+
+
+@checked
+@dataclass(frozen=True, kw_only=True)
+class CaptureEnvelope(Parameters):
+    """What a gripper tolerates at contact, between the tip and the grapple frame.
+
+    Attributes:
+        place: Largest distance [m].
+        turn: Largest angle [rad].
+        velocity: Largest relative velocity [m/s].
+        rate: Largest relative angular velocity [rad/s].
+    """
+
+    place: float = 0.03
+    turn: float = float(np.radians(3.0))
+    velocity: float = 0.02
+    rate: float = float(np.radians(2.0))
+
+    def __post_init__(self) -> None:
+        for name, value in self.to_dict().items():
+            positive(value, name)
+
+
+@checked
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class CatchRuns(Result):
+    """Runs of a catch with targets that differ from the one planned with, from `sa.fly_many`.
+
+    Attributes:
+        catch: The catch.
+        envelope: What counts as caught.
+        place: (m,) distance of the tip from the grapple frame at contact [m].
+        turn: (m,) angle between them [rad].
+        velocity: (m,) relative velocity there [m/s].
+        rate: (m,) relative angular velocity [rad/s].
+        caught: (m,) whether all four are within the envelope.
+        energy_lost: (m,) energy that the impact takes [J]; NaN where not caught.
+        impulse: (m,) linear impulse on the tip [N s]; NaN where not caught.
+        dq: (m,) largest joint rate once the braking has ended [rad/s] or [m/s]; NaN likewise.
+        tumble: (m,) rate at which the spacecraft turns then [rad/s]; NaN likewise.
+        ended: (m,) how each run ended: "missed", "duration", or what failed.
+        masses: (m,) mass of each target [kg].
+    """
+
+    catch: Catch
+    envelope: CaptureEnvelope
+    place: Array
+    turn: Array
+    velocity: Array
+    rate: Array
+    caught: Any
+    energy_lost: Array
+    impulse: Array
+    dq: Array
+    tumble: Array
+    ended: tuple[str, ...]
+    masses: Array
+
+    @property
+    def share(self) -> float:
+        """Share of the runs that are caught."""
+        return float(np.mean(self.caught))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Interval of 95 % of the share, of Clopper and Pearson."""
+        found = binomtest(int(np.sum(self.caught)), len(self.caught)).proportion_ci(0.95)
+        return float(found.low), float(found.high)
+
+    def describe(self) -> Description:
+        """Describe the share, the misses by kind, and what the caught ones do."""
+        m, low, high = len(self.caught), *self.interval
+        rows = list[tuple[Cell, ...]]()
+        for name, unit in zip(MISSES, ("m", "rad", "m/s", "rad/s"), strict=True):
+            values, most = getattr(self, name), getattr(self.envelope, name)
+            shown = [Measure(float(x), unit) for x in (*np.percentile(values, (50, 95)), most)]
+            rows.append((name, *shown, f"{np.mean(values > most):.1%}"))
+        units = {"energy_lost": "J", "impulse": "N s", "dq": "rad/s", "tumble": "rad/s"}
+        words = ("energy lost", "impulse on the tip", "joint rate after braking", "turns then at")
+        after = list[tuple[Cell, ...]]()
+        for (name, unit), word in zip(units.items(), words, strict=True):
+            values = getattr(self, name)[self.caught]
+            if len(values):
+                found = np.nanpercentile(values, (50, 95, 100))
+                after.append((word, *(Measure(float(x), unit) for x in found)))
+        columns = (Column("at contact"), Column("median"), Column("95 %"), Column("envelope"),
+                   Column("outside"))  # fmt: skip
+        tables = [Table(columns, rows, "Tip and grapple frame")]
+        if after:
+            heads = (Column(""), Column("median"), Column("95 %"), Column("largest"))
+            tables.append(Table(heads, after, "Of those caught"))
+        return Description(
+            title=f"{self.catch.arm.name} and {self.catch.target.name}, {m} runs",
+            verdict=f"{self.share:.1%} caught ({low:.1%} to {high:.1%} with 95 % confidence)",
+            tone="good" if low >= 0.5 else "caution",
+            tables=tables,
+            not_checked="collisions; looks at the target after its first estimate; forces of the "
+            "contact itself; limits of the motors, unless the plant has them",
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return share and interval, and all values of the runs; of the catch its time."""
+        told = {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "catch"}
+        told |= {"contact": self.catch.t, "share": self.share, "interval": self.interval}
+        return {name: plain(value) for name, value in told.items()}
+
+
+@checked
+def fly_many(
+    catch: Catch,
+    errors: TargetErrors = TargetErrors(),
+    envelope: CaptureEnvelope = CaptureEnvelope(),
+    *,
+    runs: int = 100,
+    seed: int = 0,
+    plant: Plant = Plant(),
+    sampling: Sampling | None = None,
+    integration: Integration = COARSE,
+    progress: Callable[[float, float], object] | None = None,
+) -> CatchRuns:
+    """Fly a catch many times, with targets that differ from the estimate it was planned with.
+
+    The arm flies as planned, by `sa.Tracking`, and does not look at the target again. Where the tip
+    is within the envelope of the true grapple frame at contact, the target is grasped by a plastic
+    impact, and the joints are braked by the law that was planned with the estimated target.
+
+    Args:
+        catch: The catch.
+        errors: How wrong the estimate is.
+        envelope: What counts as caught.
+        runs: Number of runs.
+        seed: Of the targets, and of the noise.
+        plant: What else acts, as in `simulate`.
+        sampling: Period, delay and noise of the joint controller; None for one that acts at all
+            times and knows all.
+        integration: As in `simulate_many`.
+        progress: Called as progress(done, total) now and then.
+
+    Returns:
+        What the runs were like, and the share that is caught.
+
+    Raises:
+        ConfigurationError: An argument does not make sense.
+        NoSolutionError: The approach itself fails with this plant.
+
+    Example:
+        >>> import numpy as np
+        >>> import spacearm as sa
+        >>> start = sa.load("chaser7").at([0, 0.6, 0, 1.2, 0, 0.8, 0])
+        >>> debris = sa.Target(
+        ...     sa.Bus(60, size=(0.8, 0.8, 1), name="debris"),
+        ...     start.tip * sa.pose((0.1, 0, 0.8)),
+        ...     grapples={"ring": sa.pose((0, 0, -0.5))},
+        ... )
+        >>> catch = sa.catch(start, debris, window=(10, 10))
+        >>> found = sa.fly_many(catch, sa.TargetErrors(place=0.05), runs=8)
+        >>> bool(found.share < 1.0)
+        True
+    """
+    m, rng = whole(runs, "runs", 1), generator(seed)
+    actual = [errors.sample(catch.target, rng) for _ in range(m)]
+    stages = 3.0
+
+    def tell(stage: int) -> Callable[[float, float], object]:
+        def told(done: float, total: float) -> None:
+            if progress:
+                progress((stage + done / total) * m / stages, m)
+
+        return told
+
+    def led(
+        stage: int, starts: list[Configuration], motion: Motion, dq: Array
+    ) -> tuple[list[Configuration], Array, list[str]]:
+        """Return where runs end that are led along a motion, with which rates, and how."""
+        own = None
+        if sampling is not None:  # noise of its own for each run and each stage
+            own = replace(sampling, seed=sampling.seed + stage * m)
+        found = simulate_many(
+            starts, Tracking(motion), float(motion.t[-1]), dq=dq, plant=plant, sampling=own,
+            integration=replace(integration, events=()), progress=tell(stage),
+        )  # fmt: skip
+        ends = [
+            start.arm.at(q, base=pin.XYZQUATToSE3(base), momentum=start.momentum)
+            for start, q, base in zip(starts, found.q.values, found.base.values, strict=True)
+        ]
+        return ends, found.dq.values, [str(word) for word in found.ended.values]
+
+    alike = sampling is None or not sampling.noise(catch.arm.n).any()
+    k = 1 if alike else m
+    begun = replace(catch.plan, t=catch.begin + catch.plan.t)
+    ends, dq, _ = led(0, [catch.plan[0]] * k, begun, np.zeros((k, catch.arm.n)))
+    ends, dq, ended = led(1, ends, catch.chase, dq)
+    if failed := [word for word in ended if word != "duration"]:
+        raise NoSolutionError(f"the approach of {catch.arm.name} fails: {failed[0]}", None)
+    ends, dq = [ends[i % k] for i in range(m)], np.array([dq[i % k] for i in range(m)])
+    off = np.array([_off(catch, *one) for one in zip(actual, ends, dq, strict=True)])
+    bounds = [getattr(envelope, name) for name in MISSES]
+    caught = (off <= bounds).all(axis=1)
+    grasped = np.flatnonzero(caught)
+    after = np.full((m, 4), np.nan)
+    words = np.full(m, "missed", dtype=object)
+    starts, rates = [], []
+    for i in grasped:
+        body = grasp_of(actual[i], catch.t, ends[i].tip)
+        hit = body.impact(ends[i], dq[i])
+        after[i, :2] = hit.energy_lost, np.linalg.norm(hit.impulse[:3])
+        starts.append(hit.configuration)
+        rates.append(hit.dq)
+    if starts:
+        stopped, last, how = led(2, starts, catch.brake, np.array(rates))
+        words[grasped] = how
+        after[grasped, 2] = np.abs(last).max(axis=1)
+        after[grasped, 3] = [
+            np.linalg.norm(spacecraft_twist(cfg, r)[3:])
+            for cfg, r in zip(stopped, last, strict=True)
+        ]
+    return CatchRuns(
+        catch=catch,
+        envelope=envelope,
+        **dict(zip(MISSES, off.T.copy(), strict=True)),
+        caught=caught,
+        **dict(zip(("energy_lost", "impulse", "dq", "tumble"), after.T.copy(), strict=True)),
+        ended=tuple(str(word) for word in words),
+        masses=np.array([one.mass for one in actual]),
+    )
+
+
+def _off(catch: Catch, actual: Target, cfg: Configuration, dq: Array) -> Array:
+    """Return how far the tip is off the true grapple frame at contact (4,); see `MISSES`."""
+    frame = actual.at(catch.t, catch.grapple)
+    apart = cfg.tip.actInv(frame.pose)
+    twist = cfg.J @ generalized_velocity(cfg, dq) - frame.twist
+    parts = apart.translation, pin.log3(apart.rotation), twist[:3], twist[3:]
+    return np.array([np.linalg.norm(part) for part in parts])
