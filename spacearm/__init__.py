@@ -22,7 +22,7 @@ workspaces   workspace risk_profile pose_risk design Workspace Region RiskProfil
 motion       simulate simulate_many simulate_phases follow move JointPD TransposedJacobian
              ResolvedRate DampedLeastSquares Reactionless Plant Sampling Integration PassiveJoint
              WheelHold Phase Grasp Release Motion Trajectory Followed Flight Event
-servo        Servo ServoStep
+servo        Servo ServoStep ServoControl Watched
 planning     plan detumble connected time_optimal Tracking collision_check Joints Constraints
              Search Plan Attempt Connection Obstacle CollisionReport
 mission      feasible_attitudes reaction size_wheels level_reach level_envelope momentum_budget

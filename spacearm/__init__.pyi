@@ -114,8 +114,10 @@ from spacearm.plots.report_page import design_report as design_report
 from spacearm.plots.show import plot as plot
 from spacearm.polynomial.certificate import Certificate as Certificate
 from spacearm.polynomial.trig import TrigPolynomial as TrigPolynomial
+from spacearm.servo.control import ServoControl as ServoControl
 from spacearm.servo.servo import Servo as Servo
 from spacearm.servo.servo import ServoStep as ServoStep
+from spacearm.servo.watching import Watched as Watched
 from spacearm.singularities.abstract_set import SingularSet as SingularSet
 from spacearm.singularities.box_graph import FreeBoxes as FreeBoxes
 from spacearm.singularities.box_graph import free_boxes as free_boxes

@@ -153,6 +153,7 @@ RESULTS = {
     "SingularSet": singular_set,
     "Search": lambda: sa.Search(seed=1),
     "Servo": lambda: sa.Servo(arm(), accelerations=1.0),
+    "ServoControl": lambda: sa.ServoControl(servo=sa.Servo(arm()), twist=[0.1, 0.0]),
     "ServoStep": lambda: sa.Servo(arm()).step(configuration(), [0.1, 0.0], 0.01),
     "SingularityReport": lambda: sa.singularity(configuration()),
     "SpaceArm": arm,
@@ -179,6 +180,7 @@ RESULTS = {
     "Tracking": lambda: sa.Tracking(motion()),
     "Plant": lambda: sa.Plant(wrenches={"bus": lambda t: [t, 0.0, 0.0, 0.0, 0.0, 0.0]}),
     "WheelHold": lambda: sa.WheelHold(stiffness=1.0, damping=2.0, torque=0.1, capacity=5.0),
+    "Watched": lambda: next(sa.Servo(arm()).watch([{"t": 0.0, "q": [0.3, 1.2]}])),
     "Workspace": workspace,
 }
 
@@ -230,8 +232,8 @@ def test_coefficients_of_a_polynomial_are_real_and_imaginary_parts():
 GIVEN = {"CaptureEnvelope", "TargetErrors",
     "Bus", "Constraints", "DampedLeastSquares", "GeneralizedJacobianTask", "Grasp", "Integration",
     "JointPD", "Joints", "MomentumConservation", "Obstacle", "PassiveJoint", "Phase", "Plant",
-    "Reactionless", "Release", "ResolvedRate", "Sampling", "Search", "Servo", "SingularityBarrier",
-    "Study", "Task", "Tracking", "TransposedJacobian", "WheelHold",
+    "Reactionless", "Release", "ResolvedRate", "Sampling", "Search", "Servo", "ServoControl",
+    "SingularityBarrier", "Study", "Task", "Tracking", "TransposedJacobian", "WheelHold",
 }  # fmt: skip
 ROWS = {"ArmInfo", "Attempt", "Configuration", "Event", "ModelInfo"}
 """What a caller gives, and what stands in the tables of others, has no description of its own."""

@@ -109,6 +109,10 @@ COMMANDS = {
         "simulations.simulate_motion",
         "Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.",
     ),
+    "watch": (
+        "simulations.watch_states",
+        "Watch a stream of joint states, and warn before it comes near a singular posture.",
+    ),
     "capture": (
         "queries.compute_capture",
         "Compute the velocities just after the tip, at rest, has grasped a moving, spinning body.",

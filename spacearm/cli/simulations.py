@@ -1,10 +1,13 @@
-"""`spacearm simulate`: the motion of an arm under a controller, and flights of several phases."""
+"""`spacearm simulate`, `watch`: motions under a controller, and joint states from elsewhere."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from spacearm.cli.options import (
@@ -13,13 +16,16 @@ from spacearm.cli.options import (
     JointValues,
     Picture,
     Save,
+    Spacecraft,
+    SpacecraftMode,
     View,
     joint_values,
     mark_of,
     on_a_model,
+    radians,
     task_rows,
 )
-from spacearm.cli.output import answer, say_stopped, working
+from spacearm.cli.output import answer, out, print_json, say_stopped, working
 from spacearm.cli.questions import With, controller_of, question, start_of
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError
@@ -29,6 +35,8 @@ from spacearm.motion.flights import Flight, simulate_phases
 from spacearm.motion.motion import Trajectory
 from spacearm.motion.plant import Integration
 from spacearm.motion.simulation import simulate
+from spacearm.servo.servo import SLOW, STOP, Servo
+from spacearm.servo.watching import recorded
 from spacearm.sweeps.motion_tables import read_integration, read_phases, read_plant, read_sampling
 from spacearm.sweeps.toml import Table
 
@@ -149,3 +157,60 @@ def _ended(run: Trajectory | Flight, done: str) -> int:
         say_stopped(done)
         return INTERRUPTED
     return 0
+
+
+TOO_NEAR = 3
+"""Exit code where a state was nearer than --stop, or made no sense."""
+
+
+@on_a_model
+def watch_states(
+    arm: SpaceArm,
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="[FILE]",
+            help="Joint states: lines of JSON with t and q, or name and position, or an .mcap "
+            "file; - is the standard input.",
+        ),
+    ] = "-",
+    mode: SpacecraftMode = Spacecraft.FREE,
+    stop: Annotated[
+        float | None,
+        typer.Option(
+            help="Distance to the singular set that is too near [rad], with --deg in degrees; "
+            f"{np.degrees(STOP):g}° if not given.",
+            show_default=False,
+        ),
+    ] = None,
+    slow: Annotated[
+        float | None,
+        typer.Option(
+            help=f"Distance from which on nothing is said; {np.degrees(SLOW):g}° if not given.",
+            show_default=False,
+        ),
+    ] = None,
+    ahead: Annotated[float, typer.Option(help="Time ahead that is warned of [s].")] = 5.0,
+    topic: Annotated[str, typer.Option(help="Topic of an .mcap file.")] = "/joint_states",
+    deg: bool = False,
+    as_json: AsJson = False,
+) -> int:
+    """Watch a stream of joint states, and warn before it comes near a singular posture."""
+    near, far = radians(stop, deg), radians(slow, deg)
+    servo = Servo(
+        arm, mode=mode.value, stop=STOP if near is None else near, slow=SLOW if far is None else far
+    )
+    messages: Iterable[Any] = sys.stdin if file == "-" else recorded(Path(file), topic)
+    level, worst, count = "", 0, 0
+    for state in servo.watch(messages, ahead=ahead):
+        count += 1
+        if state.level in ("stop", "fault"):
+            worst = TOO_NEAR
+        if as_json:
+            print_json(state.to_dict(), indent=None)
+        elif state.level != level:
+            out.print(f"{state.t:10.3f} s  {state.verdict}", soft_wrap=True)
+        level = state.level
+    if not as_json:
+        out.print(f"{count} joint states watched")
+    return worst

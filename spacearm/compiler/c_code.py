@@ -147,6 +147,23 @@ class Code:
         return state
 
 
+def operations(traced: Traced) -> int:
+    """Return how many operations a function takes at most, loops with all of their turns."""
+
+    def count(tape: Tape, outputs: Iterable[Operand]) -> int:
+        found = 0
+        for e in tape.needed(outputs):
+            if e.operation in OPERATIONS:
+                found += 1
+            elif e.operation in ("call", "loop"):
+                region: Region = e.detail
+                goes_on = [] if region.goes_on is None else [region.goes_on]
+                found += max(region.most, 1) * count(region.tape, [*region.outputs, *goes_on])
+        return found
+
+    return count(traced.tape, [o for output in traced.outputs for o in traced.flat(output)])
+
+
 def number(value: float) -> str:
     """Return a number as C reads it, with all its digits."""
     if isnan(value):

@@ -51,9 +51,12 @@ class Kernel:
         lanes: Number of lanes computed side by side; what suits the processor if None.
         contract: Whether a b + c is rounded once on processors that can; without, arithmetic is
             NumPy's to the bit.
+        fast: Whether it is compiled for speed at once.
     """
 
-    def __init__(self, traced: Traced, lanes: int | None = None, contract: bool = True) -> None:
+    def __init__(
+        self, traced: Traced, lanes: int | None = None, contract: bool = True, fast: bool = False
+    ) -> None:
         self.lanes = width() if lanes is None else lanes
         self._inputs, self._numbers = traced.inputs, traced.numbers  # without the expressions,
         self._tables, self._outside = traced.tables, tuple(traced.outside)  # which take memory
@@ -62,7 +65,7 @@ class Kernel:
         self._left: float | None = SECONDS_A_LINE * self._text.count("\n")
         self._improving, self._codes = Lock(), list[Code]()
         self._shapes = [o.shape if isinstance(o, Rows) else np.shape(o) for o in traced.outputs]
-        self._compile(FAST if is_kept(self._text, FAST) else QUICK)
+        self._compile(FAST if fast or is_kept(self._text, FAST) else QUICK)
         self._last: tuple[bytes | None, Array, int] = None, np.empty(0), 0
 
     def __call__(
@@ -259,12 +262,13 @@ def compiled(
     *,
     lanes: int | None = None,
     contract: bool = True,
+    fast: bool = False,
 ) -> Kernel:
     """Trace a function and compile it; see `symbols.trace` and `Kernel`."""
     collects = gc.isenabled()
     gc.disable()  # all expressions live until the end; looking for others takes a tenth more
     try:
-        return Kernel(trace(function, inputs, numbers, tables, outside), lanes, contract)
+        return Kernel(trace(function, inputs, numbers, tables, outside), lanes, contract, fast)
     finally:
         if collects:
             gc.enable()

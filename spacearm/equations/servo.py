@@ -197,9 +197,9 @@ def size(kind: Any, n: int, tips: int) -> int:
     return sum(int(np.prod(shape)) for shape in shapes(kind, n, tips).values())
 
 
-def packed(values: Any) -> Any:
+def packed(values: Any, xp: Any = np) -> Any:
     """Return the fields of a tuple one after the other."""
-    return np.concatenate([np.ravel(value) for value in values])
+    return xp.concatenate([xp.asarray(value).reshape(-1) for value in values])
 
 
 def unpacked(kind: Any, values: Any, n: int, tips: int) -> Any:
@@ -222,8 +222,7 @@ def flat_step(
     seen, memory = unpacked(Seen, given[:first], n, tips), unpacked(Memory, given[first:], n, tips)
     kept = unpacked(Limits, limits, n, tips)
     tick, memory = step(xp, tree, p, seen, kept, memory, frame, keep_attitude)
-    parts = [xp.asarray(x).reshape(-1) for x in (*tick, *memory)]
-    return xp.concatenate(parts)
+    return packed((*tick, *memory), xp)
 
 
 def unknowing(n: int, q: Any) -> Memory:

@@ -26,6 +26,7 @@ from spacearm.equations.kinematics import Parameters, Structure
 from spacearm.equations.linear_algebra import bidiagonal
 from spacearm.equations.measures import distance, singularity
 from spacearm.errors import ConfigurationError, UnsupportedError, imported, unknown
+from spacearm.export.servo_code import servo_code
 from spacearm.files import name_part, write
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mechanics.distance import FADING
@@ -33,6 +34,7 @@ from spacearm.mechanics.jacobian import plane_of_motion
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales
+from spacearm.servo.servo import Servo
 from spacearm.signatures import checked
 
 Function = Callable[..., Any]
@@ -336,10 +338,12 @@ def to_c(
     *,
     mode: BaseMode = "free-floating",
     parameters: str | Sequence[str] = (),
+    servo: Servo | bool = False,
 ) -> tuple[Path, Path]:
     """Write an arm as C99: J*, momentum, dynamics, S, sigma_min, the distance to the singular set.
 
-    The code needs nothing but <math.h>, allocates nothing and keeps no state; loops have a bound.
+    The code needs nothing but <math.h>, allocates nothing and keeps no state; loops have a bound,
+    and nothing is recursive.
     Names in the code begin with the name of the arm, NAME here; matrices are written row by row, in
     spacecraft axes.
 
@@ -359,18 +363,26 @@ def to_c(
     and tau.
     `NAME_singularity_by_parameters(q, p, &gradient)` writes the gradient of S by them into another.
 
+    With `servo`, `NAME_servo_step(&seen, &limits, &memory, &tick)` is the step of `Servo`: what it
+    is told, keeps, remembers and says are structs of numbers, `NAME_servo_nominal` its limits, and
+    `NAME_servo_begin(q, &memory)` begins. It has the arm's own numbers. The header says how many
+    operations a step takes at most.
+
     Args:
         arm: The arm.
         folder: Where the files are written, NAME.h and NAME.c.
         mode: What the spacecraft does; see `generalized_jacobian`.
         parameters: Names of what the functions take in a struct: any of "masses", "centres",
             "inertias", "joint_positions", "joint_rotations", "tip_positions", "tip_rotations".
+        servo: Whether to write the servo too: True for one as `Servo` makes it, or a servo of the
+            arm, with its options and limits.
 
     Returns:
         The paths of header and source.
 
     Raises:
-        ConfigurationError: There is no such mode or parameter.
+        ConfigurationError: There is no such mode or parameter; the servo is of another arm or mode.
+        UnsupportedError: The arm can have no servo.
 
     Example:
         >>> import spacearm as sa
@@ -387,6 +399,15 @@ def to_c(
         if ending == "distance":
             what = what._replace(function=partial(what.function, unit=joint_scales(arm)))
         writer.write(ending, what)
+    if servo:
+        servo = Servo(arm, mode=mode) if servo is True else servo
+        if servo.arm is not arm or servo.mode != mode:
+            raise ConfigurationError(
+                f"servo is one of {servo.arm.name}, {servo.mode}; give one of this arm, {mode}"
+            )
+        declared, defined = servo_code(writer.code, name, tree, writer.numbers, servo)
+        writer.declarations.append(declared)
+        writer.definitions.append(defined)
     words = {"name": name, "NAME": name.upper(), "arm": _comment(arm), "mode": mode}
     words |= {"N": str(tree.n), "K": str(len(tree.rows))}
     if varied:

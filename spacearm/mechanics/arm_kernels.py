@@ -159,6 +159,7 @@ class ArmKernel:
         lanes: Number of lanes side by side; what suits the processor if None.
         rows: For about how many configurations it is called. For few the frames of the bodies are
             not those of the arm: z is the axis of their joint.
+        fast: As of `Kernel`.
     """
 
     def __init__(
@@ -171,12 +172,13 @@ class ArmKernel:
         outside: Mapping[str, int] | None = None,
         lanes: int | None = None,
         rows: float = MANY,
+        fast: bool = False,
     ) -> None:
         number = {arm: i for i, arm in enumerate(dict.fromkeys(arms))}
         self._arms, self._mode, self._special = tuple(number), mode, rows >= MANY
         self._each = [number[arm] for arm in arms] if len(number) > 1 else [0]
         known, calls = tuple((options or {}).items()), tuple((outside or {}).items())
-        self._what = function, known, calls, lanes
+        self._what = function, known, calls, lanes, fast
         self._found: dict[Any, tuple[Any, Array]] = {}
 
     def __call__(
@@ -272,7 +274,7 @@ def _compiled(
     from spacearm.compiler import symbols
     from spacearm.compiler.kernel import compiled
 
-    known, (function, options, outside, lanes) = np.frombuffer(pattern), what
+    known, (function, options, outside, lanes, fast) = np.frombuffer(pattern), what
 
     def traced(own: Any, **arguments: Any) -> Any:
         flat = known.astype(object)
@@ -286,4 +288,4 @@ def _compiled(
     inputs, numbers, tables = map(dict, shapes)
     varied = {"own": (int((known == 2.0).sum()),)}
     inputs, numbers = (varied | inputs, numbers) if each else (inputs, varied | numbers)
-    return compiled(traced, inputs, numbers, tables, dict(outside), lanes=lanes)
+    return compiled(traced, inputs, numbers, tables, dict(outside), lanes=lanes, fast=fast)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Iterator
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -13,22 +16,27 @@ from spacearm.arrays import Array, plain, positive
 from spacearm.equations import servo as ticks
 from spacearm.equations.servo import Frame, Limits, Memory, Seen, Tick, packed, unpacked
 from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
-from spacearm.mechanics.arm_kernels import MANY, ArmKernel
+from spacearm.mechanics.arm_kernels import ArmKernel
 from spacearm.mechanics.distance import FADING
 from spacearm.model.arguments import BaseMode, free_components, require_possible
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike
 from spacearm.model.joints import joint_scales
 from spacearm.results import Cell, Description, Measure, Result, Table, joint_measures
+from spacearm.servo.watching import Watched, joint_states, watched
 from spacearm.signatures import checked
 from spacearm.singularities.nearest import NearestSearch, angle
 from spacearm.singularities.sets import singular_set
 
 Posture: TypeAlias = Configuration | tuple[npt.ArrayLike, PoseLike]
 """A configuration, or joint positions (n,) and the pose of the spacecraft."""
+AT_REST = np.array([0.0, 0.0, 0.0, 1.0])
+"""Attitude of a spacecraft, on which no distance depends."""
 FRAMES = ("inertial", "spacecraft", "tip")
 UNLIMITED = 1e6
 """Stands for limits that there are not."""
+STOP, SLOW = float(np.radians(5.0)), float(np.radians(15.0))
+"""Distances that are kept, and from which on nothing is slowed [rad]."""
 LONGEST = 0.5
 """Longest time of a tick [s]."""
 SEEN = 0.999
@@ -173,8 +181,8 @@ class Servo:
         self,
         arm: SpaceArm,
         *,
-        stop: float = np.radians(5.0),
-        slow: float = np.radians(15.0),
+        stop: float = STOP,
+        slow: float = SLOW,
         tau: float = 0.5,
         rates: npt.ArrayLike | None = None,
         accelerations: npt.ArrayLike | None = None,
@@ -212,10 +220,12 @@ class Servo:
             budget, LONGEST, FADING, joint_scales(arm),
         )  # fmt: skip
         options = {"frame": frame, "keep_attitude": keep_attitude}
-        self._kernel = ArmKernel([arm], mode, ticks.flat_step, options, lanes=1, rows=MANY)
+        self._kernel = ArmKernel([arm], mode, ticks.flat_step, options, lanes=1, fast=True)
         self._numbers = {"limits": packed(self.limits)}
         self._size = ticks.size(Tick, arm.n, len(arm.tips))
         self._anchor, self._radius = np.zeros(arm.n), 0.0
+        self.memory = ticks.unknowing(arm.n, np.zeros(arm.n))
+        self.tick(self.seen((np.zeros(arm.n), AT_REST), np.zeros(arm.task.k), LONGEST))  # compiles
         self.memory = ticks.unknowing(arm.n, np.zeros(arm.n))
 
     def to_dict(self) -> dict[str, Any]:
@@ -309,6 +319,41 @@ class Servo:
             tick.nearest, tick.away, tick.lost,
             float(tick.closing), float(tick.done), slowed, HALTED.get(halted, ""),
         )  # fmt: skip
+
+    def watch(self, messages: Iterable[Any], *, ahead: float = 5.0) -> Iterator[Watched]:
+        """Watch joint states from elsewhere, and warn ahead of time; the servo itself stays as is.
+
+        Args:
+            messages: `JointState`s, or messages in the order of their times: mappings, texts of
+                JSON, or ROS 2's JointState. They have `t` (or `time`, or a `header` with a `stamp`)
+                and `q` (n,), or `name` and `position`, and `dq` or `velocity` if they know it.
+            ahead: Time ahead that is warned of [s].
+
+        Yields:
+            What there is to say of each: how near the set is, and when it will be at `stop`.
+
+        Raises:
+            ConfigurationError: A message is no joint state of the arm.
+
+        Example:
+            >>> import spacearm as sa
+            >>> servo = sa.Servo(sa.load("planar2"))
+            >>> states = ({"t": 0.1 * i, "q": [0.3, 1.2 - 0.05 * i]} for i in range(20))
+            >>> [state.t for state in servo.watch(states) if state.level == "warning"][0]
+            0.1
+        """
+        eye = copy(self)
+        nothing = np.zeros(self.arm.task.k)
+
+        def follow(q: Array, dt: float) -> Tick:
+            seen = eye.seen((q, AT_REST), nothing, min(dt, LONGEST))
+            if math.isinf(dt) or ticks.HALTS[int((tick := eye.tick(seen)).halt)]:
+                eye.start((q, AT_REST))  # the first, or a jump: all is searched anew
+                tick = eye.tick(seen)
+            return tick
+
+        states = joint_states(self.arm, messages)
+        return watched(self.arm, self.limits, follow, states, positive(ahead, "ahead", "time [s]"))
 
 
 def _limits(arm: SpaceArm, values: npt.ArrayLike, name: str) -> Array:

@@ -58,6 +58,7 @@ COMMANDS = {
     "attitudes": ("planar2", "--corner", 1.2, 0.6, "--corner", 1.0, 0.9, "--samples", 16),
     "reaction": ("planar2", "--motion", "run.npz"),
     "wheels": ("planar2", "--motion", "run.npz"),
+    "watch": ("planar2", "states.jsonl"),
 }
 SPATIAL = ("ets7", "--task", "position", "--mode", "fixed", *(
     word for joint in "456" for word in ("--lock", f"joint_{joint}=0.3")
@@ -107,6 +108,7 @@ def folder(tmp_path_factory):
     ).save(here / "run.npz")
     text = with_wheels("planar2", (0, 0, 1))
     (here / "corners.csv").write_text("t,x,y\n2,1.2,1.2\n4,1.0,1.1\n", encoding="utf-8")
+    (here / "states.jsonl").write_text('{"t": 0.1, "q": [0.3, 1.2]}\n', encoding="utf-8")
     (here / "debris.toml").write_text(DEBRIS, encoding="utf-8")
     (here / "wheels.urdf").write_text(text, encoding="utf-8")
     return here
@@ -118,7 +120,7 @@ def told_by(folder):
 
     @cache
     def told(command, more=False):
-        plain = ("models", "info", "query", "nearest", "box", "path", "capture")
+        plain = ("models", "info", "query", "nearest", "box", "path", "capture", "watch")
         drawn = () if command in plain else ("--output", "p.svg")
         words = (MORE if more else COMMANDS)[command]
         run = spacearm(command, *words, "--json", *drawn, cwd=folder)

@@ -1,7 +1,6 @@
 """C code, compiled and called."""
 
 import ctypes
-import shutil
 import subprocess
 from functools import partial
 
@@ -9,18 +8,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from helpers.arms import load_text, random_chain, random_tree
+from helpers.c_compiler import COMPILER, NUMBERS, STRICT, compiled_code
 
 import spacearm as sa
 from spacearm.mechanics.arm_kernels import parameters_of
 from spacearm.mechanics.distance import rank_distances_of
 from spacearm.mechanics.jacobian import matrix_derivatives, task_jacobian, task_jacobian_derivative
 from spacearm.model.joints import joint_scales
-
-COMPILER = shutil.which("gcc")
-STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
-NUMBERS = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
-
-compiled_code = pytest.mark.skipif(COMPILER is None, reason="gcc is not installed")
 
 
 class Library:

@@ -288,7 +288,7 @@ def test_what_cannot_be_drawn_is_told_what_can(thing):
         plot(thing)
 
 
-WORDS_ALONE = ("Certificate", "RobustCertificate", "ServoStep")
+WORDS_ALONE = ("Certificate", "RobustCertificate", "ServoStep", "Watched")
 """Results that are a verdict or an instant: there is nothing to draw."""
 
 

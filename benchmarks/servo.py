@@ -1,0 +1,177 @@
+"""Random teleoperation by three servos: how near the singular set they come, and what they do.
+
+    python benchmarks/servo.py [RUNS] [ARM...]
+
+Each run is 60 s of smooth random twists in steps of 10 ms, from a random posture more than 15
+degrees away from the set. All three scale their rates to the same limits.
+
+- servo: `sa.Servo`, with stop 5 and slow 15 degrees, limits of acceleration 2 rad/s^2.
+- damped: damped least squares, `sa.DampedLeastSquares` with its own threshold and damping.
+- halting: the twist is slowed from a condition number of 17 on and halts at 30, unless it falls.
+
+Printed of each arm: the share of the commanded motion that is done; the nearest that any run comes
+to the set, searched anew four times a second along each run by `distances_found`, which knows
+nothing of the servo; of the servo also whether any limit was exceeded, and in which share of the
+steps farther away than `slow` the direction was off by more than a degree.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+
+import spacearm as sa
+from spacearm.equations import servo as ticks
+from spacearm.equations.servo import Tick
+from spacearm.mechanics.arm_kernels import WIDE, ArmKernel
+from spacearm.singularities.nearest import distances_found
+
+ARMS = ("planar2", "planar3", "mda6", "ssrms", "chaser7", "cubesat_xarm")
+DT, SECONDS, LOOKS = 0.01, 60.0, 0.25
+RATE, ACCELERATION = 0.5, 2.0
+SLOWED, HALTED = 17.0, 30.0
+DAMPED = sa.DampedLeastSquares(target=(0.0,))
+
+
+def wishes(arm: sa.SpaceArm, m: int) -> np.ndarray:
+    """Smooth twists (steps, m, 6 tips): sums of four slow sines, a tenth of the arm's length."""
+    rng, size = np.random.default_rng(1), 6 * len(arm.tips)
+    length = max(map(arm.tree.way_to, arm.tips))
+    each = 0.1 * np.where(np.arange(size) % 6 < 3, length, 1.0)
+    A, W, P = (
+        rng.normal(size=(4, m, size)),
+        rng.uniform(0.05, 0.8, (4, m, 1)),
+        rng.uniform(0, 6, (4, m, 1)),
+    )
+    t = DT * np.arange(round(SECONDS / DT))[:, None, None]
+    return np.array(
+        sum(a * np.sin(w * t + p) for a, w, p in zip(A, W, P, strict=True)) * each / 2.0
+    )
+
+
+def starts(arm: sa.SpaceArm, m: int) -> np.ndarray:
+    """Random postures (m, n) within the limits and more than 15 degrees away from the set."""
+    rng, found = np.random.default_rng(0), []
+    while len(found) < m:
+        q = rng.uniform(np.maximum(arm.lower, -2.0), np.minimum(arm.upper, 2.0))
+        if distances_found(arm, "free-floating", q[None])[0] > np.radians(15.0):
+            found.append(q)
+    return np.array(found)
+
+
+class Flight:
+    """What a servo does: postures as they are looked at, and the share of the motion done."""
+
+    def __init__(self, arm: sa.SpaceArm, Q: np.ndarray) -> None:
+        self.arm, self.Q, self.seen = arm, Q, [Q]
+        self.done = self.asked = 0.0
+
+    def move(self, i: int, J: np.ndarray, v: np.ndarray, dq: np.ndarray) -> None:
+        """Take a step with task Jacobians (m, k, n), wishes (m, k) and rates (m, n)."""
+        self.done += (v * (J @ dq[..., None])[..., 0]).sum()
+        self.asked += (v * v).sum()
+        self.Q = self.Q + DT * dq
+        if (i + 1) % round(LOOKS / DT) == 0:
+            self.seen.append(self.Q)
+
+    def closest(self) -> float:
+        """The nearest of all [rad], searched anew."""
+        ways = np.array(self.seen).swapaxes(0, 1)
+        return min(distances_found(self.arm, "free-floating", way).min() for way in ways)
+
+
+def tasks(arm: sa.SpaceArm, Q: np.ndarray, twist: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Task Jacobians (m, k, n), spacecraft axes, and wishes (m, k), both scaled."""
+    scale, rows = arm.task.scale, list(arm.task.indices)
+    J = sa.generalized_jacobians(arm, Q)
+    J = J[0] if isinstance(J, tuple) else J
+    return scale * J[:, rows], scale[:, 0] * twist[:, rows]
+
+
+def rival(arm: sa.SpaceArm, Q: np.ndarray, twists: np.ndarray, halts: bool) -> Flight:
+    """Fly by one of the others."""
+    flight, before = Flight(arm, Q), np.full(len(Q), np.inf)
+    for i, twist in enumerate(twists):
+        J, v = tasks(arm, flight.Q, twist)
+        U, s, VT = np.linalg.svd(J, full_matrices=False)
+        along = (U.swapaxes(1, 2) @ v[..., None])[..., 0]
+        if halts:
+            condition = s[:, 0] / np.maximum(s[:, -1], 1e-300)
+            share = np.clip((HALTED - condition) / (HALTED - SLOWED), 0.0, 1.0)
+            share, before = np.where(condition < before, np.maximum(share, 0.1), share), condition
+            gain = share[:, None] / np.maximum(s, 1e-12)
+        else:
+            near = np.minimum(s[:, -1:] / DAMPED.threshold, 1.0)
+            gain = s / (s * s + DAMPED.damping**2 * (1.0 - near * near))
+        dq = (VT.swapaxes(1, 2) @ (gain * along)[..., None])[..., 0]
+        dq /= np.maximum(1.0, np.abs(dq).max(axis=1, keepdims=True) / RATE)
+        outward = ((dq > 0.0) & (flight.Q + DT * dq > arm.upper)) | (
+            (dq < 0.0) & (flight.Q + DT * dq < arm.lower)
+        )
+        flight.move(i, J, v, np.where(outward.any(axis=1, keepdims=True), 0.0, dq))
+    return flight
+
+
+def led(arm: sa.SpaceArm, Q: np.ndarray, twists: np.ndarray) -> tuple[Flight, float, float]:
+    """Fly by the servo; also the largest excess of a limit, and the share of steps off course."""
+    servo, (m, n), tips = (
+        sa.Servo(arm, rates=RATE, accelerations=ACCELERATION),
+        Q.shape,
+        len(arm.tips),
+    )
+    options = {"frame": "spacecraft", "keep_attitude": False}
+    kernel = ArmKernel([arm], "free-floating", ticks.flat_step, options, lanes=WIDE, fast=True)
+    known, limits = [], {"limits": ticks.packed(servo.limits)}
+    for q in Q:
+        servo.start((q, [0, 0, 0, 1]))
+        known.append(ticks.packed(servo.memory))
+    memory, last = np.array(known), np.zeros((m, n))
+    flight, excess, off, far, size = Flight(arm, Q), 0.0, 0, 0, ticks.size(Tick, n, tips)
+    for i, twist in enumerate(twists):
+        seen = [
+            flight.Q,
+            np.tile([0.0, 0, 0, 1], (m, 1)),
+            twist,
+            np.full((m, 1), DT),
+            np.zeros((m, 6)),
+        ]
+        found = kernel({"given": np.concatenate((*seen, memory), axis=1)}, limits)
+        dq, distance, memory = found[:, :n], found[:, n], found[:, size:]
+        J, v = tasks(arm, flight.Q, twist)
+        moved = (J @ dq[..., None])[..., 0]
+        cosine = (moved * v).sum(axis=1) / (
+            np.linalg.norm(moved, axis=1) * np.linalg.norm(v, axis=1) + 1e-300
+        )
+        away = distance > servo.limits.slow
+        off, far = (
+            off
+            + (
+                away & (cosine < np.cos(np.radians(1.0))) & (np.linalg.norm(moved, axis=1) > 1e-6)
+            ).sum(),
+            far + away.sum(),
+        )
+        flight.move(i, J, v, dq)
+        beyond = [
+            np.abs(dq) - RATE,
+            np.abs(dq - last) - ACCELERATION * DT,
+            flight.Q - arm.upper,
+            arm.lower - flight.Q,
+        ]
+        excess, last = max(excess, *(part.max() for part in beyond)), dq
+    return flight, excess, off / max(far, 1)
+
+
+if __name__ == "__main__":
+    runs = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
+    print(f"{'':14}{'servo':>8}{'':>9}{'excess':>10}{'off':>10}{'damped':>9}{'':>9}{'halting':>9}")
+    for name in sys.argv[2:] or ARMS:
+        arm = sa.load(name)
+        Q, twists = starts(arm, runs), wishes(arm, runs)
+        flight, excess, off = led(arm, Q, twists)
+        near = np.degrees(flight.closest())
+        words = [f"{flight.done / flight.asked:8.0%}{near:8.2f}°{excess:10.0e}{off:10.2%}"]
+        for halts in (False, True):
+            other = rival(arm, Q, twists, halts)
+            words.append(f"{other.done / other.asked:9.0%}{np.degrees(other.closest()):8.2f}°")
+        print(f"{name:14}{''.join(words)}", flush=True)

@@ -1,0 +1,90 @@
+"""The servo as a controller of simulations."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from spacearm.arrays import Array, positive
+from spacearm.errors import ConfigurationError
+from spacearm.mechanics.dynamics import inverse_dynamics
+from spacearm.model.arm import Configuration
+from spacearm.motion.controllers import Law
+from spacearm.servo.servo import Servo, ServoStep
+from spacearm.signatures import checked
+
+SAME = 1e-6
+"""Share of a period by which times of a sampled controller may be off."""
+
+
+@checked
+@dataclass(frozen=True, kw_only=True)
+class ServoControl(Law):
+    """A servo in the loop of `simulate`: inverse dynamics makes the joints take up its rates.
+
+    It remembers, so that it is sampled: `sampling=sa.Sampling(period=control.period)`.
+
+    Attributes:
+        servo: The servo.
+        twist: The wished twist, as `Servo.step` takes it, or a function of (t, cfg) that gives it.
+        period: Time between two steps [s].
+        gain: Rate at which the joints take up their rates [1/s].
+
+    Raises:
+        ConfigurationError: period or gain is not positive; or, as it is called, the times are not
+            those of a controller that is sampled with its period.
+
+    Example:
+        >>> import spacearm as sa
+        >>> arm = sa.load("planar2")
+        >>> control = sa.ServoControl(servo=sa.Servo(arm, rates=0.5), twist=[0.1, 0.0])
+        >>> run = sa.simulate(arm.at([0.3, 1.2]), control, 1.0, sampling=sa.Sampling(period=0.01))
+        >>> [step.halted for step in control.steps[-1:]]
+        ['']
+    """
+
+    servo: Servo
+    twist: npt.ArrayLike | Callable[[float, Configuration], npt.ArrayLike]
+    period: float = 0.01
+    gain: float = 20.0
+    _taken: deque[tuple[bytes, ServoStep]] = field(default_factory=deque, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        positive(self.period, "period", "period [s]")
+        positive(self.gain, "gain", "gain [1/s]")
+
+    @property
+    def steps(self) -> list[ServoStep]:
+        """The steps of the last run, a period apart."""
+        return [step for _, step in self._taken]
+
+    def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
+        """Return the torques (n,) [N m] or forces [N]."""
+        number = round(t / self.period)
+        if abs(t - number * self.period) > SAME * self.period:
+            raise ConfigurationError(
+                f"a ServoControl with the period {self.period:g} s is called at {t:g} s; simulate "
+                f"with sampling=sa.Sampling(period={self.period:g})"
+            )
+        taken, here = self._taken, cfg.q.tobytes()
+        if number != len(taken) - 1 or taken[-1][0] != here:  # lanes ask for the same side by side
+            if number != len(taken) or number == 0:
+                self.servo.start(cfg)
+                taken.clear()
+            wished = self.twist(t, cfg) if callable(self.twist) else self.twist
+            taken.append((here, self.servo.step(cfg, wished, self.period)))
+        rates = taken[-1][1].rates
+        return inverse_dynamics(cfg, dq, self.gain * (rates - dq), mode=self.servo.mode).tau
+
+    def error(self, _: float, cfg: Configuration) -> Array:
+        """Return inf: there is no target to arrive at."""
+        return np.full(cfg.arm.n, np.inf)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the parameters as plain data."""
+        return {"servo": self.servo.to_dict(), "period": self.period, "gain": self.gain}

@@ -1,0 +1,224 @@
+"""Streams of joint states from elsewhere: how near the singular set they come, ahead of time."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from spacearm.arrays import Array
+from spacearm.equations.servo import Limits, Tick
+from spacearm.errors import ConfigurationError, imported, listed
+from spacearm.model.arm import SpaceArm
+from spacearm.model.joints import joint_scales
+from spacearm.results import Cell, Description, Measure, Result, Table, Tone, joint_measures
+from spacearm.singularities.nearest import angle
+
+Level = Literal["clear", "warning", "stop", "fault"]
+TONES: dict[Level, Tone] = {"clear": "good", "warning": "caution", "stop": "bad", "fault": "bad"}
+TIMES = ("t", "time", "stamp", "header")
+"""Names of what tells the time in a message."""
+
+
+class JointState(NamedTuple):
+    """What a stream says at an instant.
+
+    Attributes:
+        t: Time [s].
+        q: (n,) joint positions [rad] or [m].
+        dq: (n,) joint rates [rad/s] or [m/s]; None if it does not say.
+    """
+
+    t: float
+    q: Array
+    dq: Array | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Watched(Result):
+    """What is to say of a joint state of a stream.
+
+    Attributes:
+        arm: The arm.
+        t: Time [s].
+        q: (n,) joint positions.
+        distance: How far the nearest singular posture that is followed is [rad]: found, the nearest
+            of all is no farther; inf if none is known, or in a fault.
+        nearest: (n,) that posture.
+        closing: Rate at which the distance falls [rad/s].
+        ahead: Time until the distance is `stop`, at this rate [s]; inf if it does not fall.
+        level: "stop" nearer than `stop`; "warning" nearer than `slow`, or `stop` is ahead;
+            "fault" where the message makes no sense; else "clear".
+        fault: What is wrong with the message.
+    """
+
+    arm: SpaceArm
+    t: float
+    q: Array
+    distance: float
+    nearest: Array
+    closing: float
+    ahead: float
+    level: Level
+    fault: str
+
+    @property
+    def verdict(self) -> str:
+        """What there is to say, in one sentence."""
+        if self.fault:
+            return f"fault: {self.fault}"
+        if math.isinf(self.distance):
+            return f"{self.level}: no singular posture is known"
+        said = f"{self.level}: a singular posture found {angle(self.distance)} away"
+        return said + (f", to stop in {self.ahead:.1f} s at this rate" if self.ahead < 1e3 else "")
+
+    def describe(self) -> Description:
+        """Describe the posture, and how fast which singular posture comes nearer."""
+        slides = self.arm.slides
+        columns: dict[str, Any] = {
+            "joint": self.arm.joint_names,
+            "q": joint_measures(self.q, slides),
+        }
+        columns["nearest singular"] = joint_measures(self.nearest, slides)
+        facts: dict[str, Cell] = {
+            "time": Measure(self.t, "s"), "distance falls by": Measure(self.closing, "rad/s")
+        }  # fmt: skip
+        return Description(
+            title=self.arm.name,
+            verdict=self.verdict,
+            tone=TONES[self.level],
+            tables=[Table.by_columns(columns), Table.facts(facts)],
+            not_checked="collisions, joint limits",
+        )
+
+
+def watched(
+    arm: SpaceArm, limits: Limits, follow: Callable[[Array, float], Tick],
+    states: Iterable[JointState], ahead: float,
+) -> Iterator[Watched]:  # fmt: skip
+    """Yield what is to say of joint states, one by one; see `Servo.watch`.
+
+    Args:
+        arm: The arm.
+        limits: What the servo keeps.
+        follow: Follows the set to joint positions (n,), so long after the last [s].
+        states: The states.
+        ahead: Time ahead that is warned of [s].
+    """
+    last, unit = None, joint_scales(arm)
+    for state in states:
+        q = state.q
+        if not (np.isfinite(q).all() and math.isfinite(state.t)):
+            yield _fault(arm, state, "the joint positions, or the time, are not finite numbers")
+            continue
+        if last is not None and state.t <= last.t:
+            yield _fault(arm, state, f"its time, {state.t:g} s, is not after {last.t:g} s")
+            continue
+        tick = follow(q, math.inf if last is None else state.t - last.t)
+        dq = state.dq
+        if dq is None:
+            dq = np.zeros(arm.n) if last is None else (q - last.q) / (state.t - last.t)
+        closing = -float((tick.away / unit) @ (dq / unit))
+        distance = float(tick.distance)
+        left = max(distance - limits.stop, 0.0) / closing if closing > 0.0 else math.inf
+        near = distance < limits.slow or left < ahead
+        level: Level = "stop" if distance < limits.stop else "warning" if near else "clear"
+        yield Watched(arm, state.t, q, distance, tick.nearest, closing, left, level, "")
+        last = JointState(state.t, q)
+
+
+def _fault(arm: SpaceArm, state: JointState, why: str) -> Watched:
+    """Return what is to say of a message that makes no sense."""
+    none = np.full(arm.n, np.nan)
+    return Watched(arm, state.t, state.q, math.inf, none, 0.0, math.inf, "fault", why)
+
+
+def joint_states(arm: SpaceArm, messages: Iterable[Any]) -> Iterator[JointState]:
+    """Yield the joint states in messages: texts of JSON, mappings, or messages of ROS 2.
+
+    A message has `t` (or `time`, or a `header` with a `stamp`) and `q` (n,), or `name` and
+    `position`, as sensor_msgs/JointState has them, and `dq` or `velocity` if it knows them. Empty
+    lines are left out; what cannot be read is a state of NaN.
+
+    Args:
+        arm: The arm.
+        messages: The messages, in the order of their times.
+
+    Raises:
+        ConfigurationError: A message names no joint of the arm, or is no joint state at all.
+    """
+    for i, message in enumerate(messages, 1):
+        if isinstance(message, JointState):
+            yield message
+            continue
+        if isinstance(message, str | bytes):
+            if not message.strip():
+                continue
+            try:
+                message = json.loads(message)
+            except ValueError:
+                yield JointState(math.nan, np.full(arm.n, np.nan))
+                continue
+        yield _joint_state(arm, message, i)
+
+
+def _joint_state(arm: SpaceArm, message: Any, number: int) -> JointState:
+    """Return the joint state in message `number`."""
+
+    def get(of: Any, *names: str) -> Any:
+        given = [of.get(n) if isinstance(of, Mapping) else getattr(of, n, None) for n in names]
+        return next((value for value in given if value is not None), None)
+
+    time, q, dq = (
+        get(message, *TIMES),
+        get(message, "q", "position"),
+        get(message, "dq", "velocity"),
+    )
+    stamp = get(time, "stamp") or time
+    if (seconds := get(stamp, "sec", "secs")) is not None:
+        stamp = seconds + 1e-9 * (get(stamp, "nanosec", "nsecs") or 0)
+    names = get(message, "name", "names")
+    names = arm.joint_names if names is None else list(names)
+    if q is None or not set(arm.joint_names) <= set(names):
+        raise ConfigurationError(
+            f"message {number} is no joint state of {arm.name}; give t and q, or name and position "
+            f"of: {listed(arm.joint_names)}"
+        )
+    place = [names.index(name) for name in arm.joint_names]
+    told = [q, dq] if dq is not None and len(dq) == len(names) else [q]
+    try:
+        return JointState(float(stamp), *(np.asarray(x, dtype=float)[place] for x in told))
+    except (TypeError, ValueError, IndexError):
+        return JointState(math.nan, np.full(arm.n, np.nan))
+
+
+def recorded(path: Path, topic: str) -> Iterator[Any]:
+    """Yield the messages of a topic of an MCAP file, or the lines of any other file.
+
+    Raises:
+        UnsupportedError: The library for MCAP is not installed (pip install 'spacearm[mcap]').
+        ConfigurationError: The file cannot be read, or has no message of the topic.
+    """
+    if path.suffix != ".mcap":
+        try:
+            with path.open(encoding="utf-8") as file:
+                yield from file
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigurationError(f"{path} cannot be read: {error}") from None
+        return
+    library = imported("mcap_ros2.reader", "mcap-ros2-support", "mcap")
+    damaged = imported("mcap.exceptions", "mcap-ros2-support", "mcap").McapError
+    some = False
+    try:
+        for one in library.read_ros2_messages(str(path), topics=[topic]):
+            some = True
+            yield one.ros_msg
+    except (OSError, damaged) as error:
+        raise ConfigurationError(f"{path} cannot be read: {error}") from None
+    if not some:
+        raise ConfigurationError(f"{path} has no message on {topic}; name another: --topic")
