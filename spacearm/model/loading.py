@@ -46,8 +46,8 @@ def load(
     joints are those on the way to the tip; fingers, solar panels and other arms are held where they
     are: at the home of their joint, which is its <home value="..."/>, or its position in the
     keyframe "home" of an MJCF or the group state "home" of an SRDF beside the file, or zero; or at
-    the limit nearest to it. See `SpaceArm.held`. Joints that mimic another are not among the n joints; their limits
-    count as limits of the joint that they follow.
+    the limit nearest to it. See `SpaceArm.held`. Joints that mimic another are not among the n
+    joints; their limits count as limits of the joint that they follow.
 
     Args:
         source: A name of the catalogue (see `catalogue`); the path of a URDF, .xacro, MJCF (.xml)
