@@ -258,6 +258,7 @@ def test_a_spherical_joint_is_a_row_of_hinges():
     with pytest.warns(sa.ModelWarning):
         same = load_text(robot(BUS, arm, hand, ELBOW, *row), task="pose")
     assert found.joint_names == same.joint_names == ("elbow", "ball_x", "ball_y", "ball_z")
+    assert list(same.bodies) == ["bus", "arm", "x", "y", "hand"]  # massless ones too
     q = [0.3, -0.8, 0.5, 1.1]
     np.testing.assert_allclose(
         sa.generalized_jacobian(found.at(q)), sa.generalized_jacobian(same.at(q)), atol=1e-14
