@@ -45,6 +45,8 @@ KNOWN = 0.2
 """Directions known to this share of the body, or better, are excited."""
 ROUNDING = 1e-9
 """Singular values below this share of the largest are rounding."""
+SWEEPS = 30
+"""Most evaluations of the residuals with their derivatives."""
 BALL = 0.1
 """Radius of gyration of the ball that stands in where nothing is known, over the arm's length."""
 LEAST = 1e-2
@@ -320,7 +322,7 @@ def _estimated(arm: SpaceArm, data: _Data, scaled: bool) -> Identified:
         lengths = np.linalg.norm(rows, axis=0)
         lengths = np.maximum(lengths, ROUNDING * lengths.max())
         x = -np.linalg.lstsq(rows / lengths, right, rcond=ROUNDING)[0] / lengths
-    x = least_squares(residual, x, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-15).x
+    x = least_squares(residual, x, x_scale="jac", xtol=1e-9, ftol=1e-9, max_nfev=SWEEPS).x
     off = residual(x)
     misfit = float(np.sqrt(off @ off / (6 * m - 16)))
     rows = (data.roots(x[:10] * size) @ regressor).reshape(-1, 16)
