@@ -17,8 +17,9 @@ rigid-body inertia (IEEE Robot. Autom. Lett. 7(2), 2022, DOI 10.1109/LRA.2022.31
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -86,6 +87,14 @@ class Identified(Result):
     momentum: Array
     misfit: float
     rows: int
+
+    JSON: ClassVar[Mapping[str, str]] = {
+        "mass": "held_mass",
+        "com": "held_com",
+        "inertia": "held_inertia",
+        "parameters": "held_parameters",
+        "rows": "instants",
+    }
 
     @property
     def holding(self) -> SpaceArm:

@@ -73,7 +73,7 @@ def test_the_share_is_that_of_a_chi_distribution():
     """A box at rest with errors of place alone: three normal components within a ball."""
     errors = sa.TargetErrors(**(NONE.to_dict() | {"place": 0.02}))
     envelope = sa.CaptureEnvelope(place=0.015)
-    m = 150
+    m = 80
     found = sa.fly_many(caught(), errors, envelope, runs=m)
     wanted = chi(3).cdf(0.015 / (0.02 / np.sqrt(3.0)))
     low, high = binom(m, wanted).ppf([1e-4, 1.0 - 1e-4])
