@@ -60,12 +60,12 @@ def test_without_errors_all_are_caught_and_nothing_strikes():
     """The run is that of the catch itself."""
     with pytest.raises(sa.ConfigurationError, match="runs"):
         sa.fly_many(caught(), runs=0)
-    found = sa.fly_many(caught(), NONE, runs=2)
+    found = sa.fly_many(caught(), NONE, runs=1)
     assert found.share == 1.0
     assert found.place.max() < 1e-4
     assert found.energy_lost.max() < 1e-6
     assert found.dq.max() < 1e-4
-    assert found.ended == ("duration", "duration")
+    assert found.ended == ("duration",)
 
 
 @pytest.mark.slow
