@@ -113,9 +113,6 @@ def find_catch(
     grapple: Annotated[
         str | None, typer.Option(help="Grapple frame; any of them by default.")
     ] = None,
-    approach: Annotated[
-        float, typer.Option(help="Distance of the stand-off on the frame's axis [m].")
-    ] = 0.2,
     attitude: Attitude = None,
     more: With = None,
     output: Picture = None,
@@ -126,19 +123,23 @@ def find_catch(
 ) -> None:
     """Find when and how the arm catches a tumbling target, with its velocity, and brakes it.
 
-    --with gives more of what sa.catch takes: start, closing, touching, wanted, constraints, search.
+    --with gives more of what sa.catch takes: start, approach, closing, touching, wanted, constraints,
+    search.
     """
-    asked = question(more, "start", "closing", "touching", "wanted", "constraints", "search")
+    asked = question(
+        more, "start", "approach", "closing", "touching", "wanted", "constraints", "search"
+    )
     start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
     early, late = numbers("--window", window, 2).tolist()
-    rest = {k: v for k, v in asked.values.items() if k in ("closing", "touching", "wanted")}
+    rest = {
+        k: v for k, v in asked.values.items() if k in ("approach", "closing", "touching", "wanted")
+    }
     with working("trying contacts", searches=True) as progress:
         found = catch(
             start,
             target_of(target),
             grapple,
             window=(early, late),
-            approach=approach,
             constraints=constraints_of(asked.inner("constraints")),
             search=search_of(asked.inner("search"), progress),
             **rest,
