@@ -123,8 +123,8 @@ def find_catch(
 ) -> None:
     """Find when and how the arm catches a tumbling target, with its velocity, and brakes it.
 
-    --with gives more of what sa.catch takes: start, approach, closing, touching, wanted, constraints,
-    search.
+    --with gives more of what sa.catch takes: start, approach, closing, touching, wanted,
+    constraints, search.
     """
     asked = question(
         more, "start", "approach", "closing", "touching", "wanted", "constraints", "search"
