@@ -45,6 +45,10 @@ def view_configuration(
             metavar="NPZ|MODE",
         ),
     ] = None,
+    fly: Annotated[
+        bool,
+        typer.Option("--fly", help="Begin with the tip led by keyboard or gamepad."),
+    ] = False,
     port: Annotated[
         int | None,
         typer.Option(help="Port of the page; by default the first free one from 7400 on."),
@@ -95,6 +99,7 @@ def view_configuration(
         else:
             start = joint_values(arm, q, deg) if q else opening_posture(arm)
             viewer = show(arm.at(start, base=spacecraft_pose(attitude, deg)), open=False)
+    viewer.session.fly = fly
     if save:
         out.print(f"wrote {viewer.save(save)}")
     if png:
