@@ -33,8 +33,8 @@ Posture: TypeAlias = Configuration | tuple[npt.ArrayLike, PoseLike]
 AT_REST = np.array([0.0, 0.0, 0.0, 1.0])
 """Attitude of a spacecraft, on which no distance depends."""
 FRAMES = ("inertial", "spacecraft", "tip")
-UNLIMITED = 1e6
-"""Stands for limits that there are not."""
+UNLIMITED, NO_BUDGET = 1e6, 1e30
+"""Stand for limits of joints and of wheels that there are not."""
 STOP, SLOW = float(np.radians(5.0)), float(np.radians(15.0))
 """Distances that are kept, and from which on nothing is slowed [rad]."""
 LONGEST = 0.5
@@ -71,8 +71,8 @@ class ServoStep(Result):
         closing: Rate at which the distance falls [rad/s].
         done: Share of the wished twist that is done, of its task rows.
         slowed: What slows the motion, with the share that it leaves: "lost direction" (that of
-            `lost` alone), "approach" (to the set), "position" and "stopping distance" (from which
-            the arm could not stop any more), "rate", "wheels", "acceleration".
+            `lost` alone), "approach" (to the set), "rate", "wheels", "position" and "stopping
+            distance" (from which the arm could not stop any more), "acceleration".
         halted: Why the arm is brought to rest; empty if it is not.
     """
 
@@ -213,7 +213,7 @@ class Servo:
         self.arm, self.mode, self.frame, self.keep_attitude = arm, mode, frame, keep_attitude
         rate = _limits(arm, described if rates is None else rates, "rates")
         free = np.inf if accelerations is None else accelerations
-        budget = UNLIMITED if wheels is None else positive(wheels, "wheels", "momentum [N m s]")
+        budget = NO_BUDGET if wheels is None else positive(wheels, "wheels", "momentum [N m s]")
         self.limits = Limits(
             np.maximum(arm.lower, -UNLIMITED), np.minimum(arm.upper, UNLIMITED), rate,
             _limits(arm, free, "accelerations"), stop, slow, positive(tau, "tau", "time [s]"),
