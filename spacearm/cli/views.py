@@ -69,7 +69,7 @@ def view_configuration(
     video: Annotated[
         Path | None,
         typer.Option(
-            help="Write a video of the motion and exit: .mp4, .webm or .gif; or .zip: its pictures, "
+            help="Write a video of the motion and exit: .mp4, .webm or .gif; or .zip of pictures, "
             "30 a second.",
             metavar="FILE",
             callback=to_write,
