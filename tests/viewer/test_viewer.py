@@ -108,7 +108,7 @@ def test_readout_is_the_report_and_the_code_is_the_configuration(session):
         ("home", "unknown message 'home'"),
         ([], "unknown message"),
         (None, "unknown message"),
-        ({"do": "fly"}, "unknown message 'fly'; valid, nearest first"),
+        ({"do": "hover"}, "unknown message 'hover'; valid, nearest first"),
         ({"do": ["home"]}, "unknown message"),
         ({"do": "joint"}, "value is 'None'"),
         ({"do": "joint", "index": 2, "value": 0}, "joint index is 2; give 0 to 1"),
