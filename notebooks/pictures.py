@@ -203,6 +203,41 @@ def closed_loop() -> Figure:
     return figure
 
 
+def reach() -> None:
+    """A clip: a straight line ends at a singularity; the plan turns the spacecraft and arrives."""
+    begin = sa.load("planar2").at(START, base=start(21.0))
+    line, found = sa.follow(begin, [TARGET], limits=False), sa.plan(begin, TARGET)
+    figure, (space, gauge) = plt.subplots(
+        1, 2, figsize=(6.2, 4.2), width_ratios=(5, 1), layout="constrained"
+    )
+    clip: list[Image.Image] = []
+    for run, count, words in (
+        (line, 20, "straight to the target: the hand stops, singular"),
+        (found, 50, "planned: the spacecraft turns, the hand arrives"),
+    ):
+        for i in np.linspace(0, len(run) - 1, count).astype(int).tolist():
+            space.clear()
+            gauge.clear()
+            space.plot(*np.transpose([line.tip[0, :2], TARGET]), "--", color=GREY, lw=1)
+            draw_posture(space, run[i])
+            space.plot(*run.tip[: i + 1, :2].T, color=BLUE, lw=1.5)
+            space.plot(*line.tip[-1, :2], "x", color=RED, ms=8, visible=run is found)
+            space.plot(*TARGET, "*", color=RED, ms=14)
+            space.set(xlim=(-1.2, 2.6), ylim=(-1.4, 2.2), title=words, adjustable="box")
+            space.set(xlabel="", ylabel="")
+            away = np.degrees(run.distance[i])
+            gauge.bar(0, away, color=RED if away < 5 else GREEN)
+            gauge.set(ylim=(0, 90), xlim=(-0.5, 0.5), xticks=[], title=f"{away:.0f}°")
+            gauge.set(ylabel="to the nearest singular posture found [deg]")
+            picture = BytesIO()
+            figure.savefig(picture, dpi=80)
+            clip.append(Image.open(picture))
+        clip += 8 * clip[-1:]
+    first, *others = clip
+    whole = {"save_all": True, "append_images": others, "duration": 100, "loop": 0}
+    first.save(FOLDER / "reach.webp", quality=40, method=6, **whole)
+
+
 def catch() -> None:
     """A clip: chaser7 catches a box that tumbles."""
     start = sa.load("chaser7").at([0, 0.6, 0, 1.2, 0, 0.8, 0])
@@ -225,7 +260,7 @@ def catch() -> None:
 
 PICTURES = (
     singular_posture, distance, closed_loop, map_planar2, workspace_planar2, simulation_planar2,
-    figure_7, plan_planar2, view, construction, payload, catch,
+    figure_7, plan_planar2, view, construction, payload, catch, reach,
 )  # fmt: skip
 
 if __name__ == "__main__":
@@ -236,5 +271,5 @@ if __name__ == "__main__":
         if draw.__name__ in wanted:
             with style():
                 figure = draw()
-                if figure is not None:  # the view and the clip write their own
+                if figure is not None:  # the view and the clips write their own
                     figure.savefig(FOLDER / f"{draw.__name__}.png", dpi=110)
