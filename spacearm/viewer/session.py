@@ -18,6 +18,7 @@ from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.results import short_names
+from spacearm.singularities.joint_boxes import FreeBox
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.report import SingularityReport, searched, singularity
 from spacearm.singularities.sets import nearest_on_way
@@ -47,6 +48,7 @@ class Session:
         note: What the last request did, in one line; empty if there is nothing to say.
         goal: Pose of the tip to plan to; None if there is none.
         blocked: Why the tip did not follow the last pull; empty if it did.
+        box: Joint ranges in which no posture is singular; None if none were asked for.
     """
 
     def __init__(self, arm: SpaceArm, cfg: Configuration, origin: Origin | None = None) -> None:
@@ -57,6 +59,7 @@ class Session:
         self.note = ""
         self.blocked = ""
         self.goal: pin.SE3 | None = None
+        self.box: FreeBox | None = None
         self._grip = 0.0
         self._grabbed: pin.SE3 | None = None
         self._rng = np.random.default_rng(0)
@@ -199,7 +202,7 @@ class Session:
         self.mode = mode
 
     def _spacecraft(self, message: dict[str, Any]) -> None:
-        self.spacecraft = mode_named(message.get("mode"))
+        self.spacecraft, self.box = mode_named(message.get("mode")), None
         self.show(self.cfg)
 
     def _home(self) -> None:
@@ -242,6 +245,7 @@ class Session:
             "blocked": self.blocked,
             "spacecraft": self.spacecraft,
             "goal": None if self.goal is None else readouts.pose(self.goal),
+            "box": self.box and readouts.ranges(self.box, self.cfg.q, *self.range),
             **readouts.readout(self.report),
             "python": code,
         }
