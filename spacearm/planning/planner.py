@@ -57,11 +57,11 @@ def plan(
     Methods, in the order in which "auto" tries them: "straight", a line of the tip by J*; "tree",
     straight joint motions grown at random until one arrives, then shortened; "boxes", to joint
     positions if the search has any, a way through boxes in which no posture is singular; "joint
-    space", the shortest joint curve that arrives; "roadmap", straight pieces by way of other postures, whose
-    turns of the spacecraft add up; "cycles", a closed loop in joint space that turns the
-    spacecraft, run through as often as it takes, then a curve to the goal; "attitude first", a
-    joint motion that turns the spacecraft to an attitude from which the line is free (Nanos &
-    Papadopoulos, 2015).
+    space", the shortest joint curve that arrives; "roadmap", straight pieces by way of other
+    postures, whose turns of the spacecraft add up; "cycles", a closed loop in joint space that
+    turns the spacecraft, run through as often as it takes, then a curve to the goal; "attitude
+    first", a joint motion that turns the spacecraft to an attitude from which the line is free
+    (Nanos & Papadopoulos, 2015).
 
     Args:
         start: Where it begins: the arm with its joint positions, the pose of the spacecraft, the
@@ -94,8 +94,9 @@ def plan(
         UnsupportedError: The arm has several tips, fewer joints than its task has rows, wheels
             that cannot hold the attitude, or no shapes that obstacles could meet.
         ImpossibleError: It is proven that there is no such motion: det J* changes its sign between
-            start and goal, or the goal is out of reach. A NoSolutionError, too. At zero momentum it
-            says which relaxation was tried and works, as another posture of the same pose.
+            start and goal, for arms of up to three joints whatever the attitude at the end, or the
+            goal is out of reach. A NoSolutionError, too. At zero momentum it says which relaxation
+            was tried and works, as another posture of the same pose.
         NoSolutionError: No motion was found; says which constraint stopped most attempts and what
             to relax, and why every method failed, and carries the best attempt (the start alone,
             where there is no better).
@@ -213,7 +214,7 @@ def connected(
         >>> sa.connected(arm.at([0.3, 1.2]), arm.at([0.3, -1.2])).answer
         'no'
     """
-    from spacearm.planning.problem import parted  # slow to import
+    from spacearm.singularities.sides import parted  # slow to import
 
     arm = start.arm
     if goal.arm is not arm:

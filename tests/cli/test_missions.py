@@ -58,7 +58,7 @@ def test_a_motion_is_shown_beside_another(tmp_path):
     for words, why in (
         (("--motion", "one.npz", "--compare", "flying"), "flying is no saved motion"),
         (("--compare", "fixed"), "there is no motion to compare; give --motion"),
-        (("--frames", "all.zip"), "there is no motion to take pictures of"),
+        (("--video", "all.zip"), "there is no motion to take pictures of"),
         (("0.1", "0.2", "--motion", "one.npz"), "the motion has its own postures"),
     ):
         run = spacearm("view", "planar2", *words, "--save", "page.html", cwd=tmp_path)
