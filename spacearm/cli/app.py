@@ -49,6 +49,10 @@ COMMANDS = {
         "boxes.find_box",
         "Find joint ranges about a posture or a motion in which no posture is singular, proven.",
     ),
+    "boxes": (
+        "boxes.cover_by_boxes",
+        "Cover regular postures by joint ranges without singular posture, and find ways through.",
+    ),
     "path": (
         "queries.check_path",
         "Prove that straight joint motions from posture to posture meet no singularity.",

@@ -129,7 +129,7 @@ def find_catch(
     start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
     early, late = numbers("--window", window, 2).tolist()
     rest = {k: v for k, v in asked.values.items() if k in ("closing", "touching", "wanted")}
-    with working("trying contacts") as progress:
+    with working("trying contacts", searches=True) as progress:
         found = catch(
             start,
             target_of(target),

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
+from scipy.interpolate import CubicSpline
 
 from spacearm.arrays import Array, positive
 from spacearm.errors import ConfigurationError
@@ -36,8 +37,10 @@ if TYPE_CHECKING:
 
 HORIZON = 3600.0
 """Default longest time looked at [s]."""
-SAMPLES = 101
-"""Samples of the motions."""
+SAMPLES, MOST_SAMPLES = 101, 3201
+"""Samples of the motion that holds the tip."""
+HELD = 1e-6
+"""How far its spline may be from it between samples, before these are doubled [rad] or [m]."""
 CARRIED, LACKING = 1e-9, 1e-4
 """Share of the momentum that the arm may leave to the spacecraft: at rows of the motion that
 carries it, and halfway between them."""
@@ -185,7 +188,8 @@ def momentum_budget(
 def _hold(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str, Motion]:
     """Hold the tip: return how long, what ends it, and the motion.
 
-    The path of the tip is one point, its length the share of the horizon that has passed.
+    The path of the tip is one point, its length the share of the horizon that has passed. The
+    samples lie closer where the joints move faster.
     """
     tip, attitude = cfg.centred(np.zeros(3)).tip, np.asarray(pin.SE3ToXYZQUAT(cfg.base)[3:])
     settings = Settings(horizon * cfg.momentum[3:], limits, tolerance=1e-9)
@@ -205,6 +209,15 @@ def _hold(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str,
     shares = np.linspace(0.0, lasts, SAMPLES)
     found = led(shares[1:] * (1.0 - 1e-9))
     q, turned = np.vstack((cfg.q, found.q)), np.vstack((attitude, found.attitude))
+    while len(shares) < MOST_SAMPLES:
+        travel = np.linalg.norm(np.diff(q, axis=0), axis=1)
+        passed = np.append(0.0, np.cumsum(travel + travel.mean() + np.finfo(float).tiny))
+        even = np.linspace(0.0, passed[-1], 2 * len(shares) - 1)
+        way, shares = CubicSpline(shares, q), np.interp(even, passed, shares)
+        found = led(shares[1:] * (1.0 - 1e-9))
+        q, turned = np.vstack((cfg.q, found.q)), np.vstack((attitude, found.attitude))
+        if np.abs(way(shares) - q).max() < HELD:
+            break
     kind = "horizon" if ended == 0 else ENDS[ended]
     return horizon * lasts, kind, _motion(cfg, horizon * shares, q, turned)
 

@@ -98,4 +98,10 @@ def first_fall(
 
         crosses = value(a) * value(b) <= 0.0
         found.append((brentq(value, a, b, xtol=SHARPNESS * b) if crosses else a, i))
-    return min(found, default=None)
+    if not found:
+        return None
+    t, which = min(found)
+    at = values(t)
+    at[which] = max(at[which], 0.0)  # another may have fallen before, and risen again with this one
+    sooner = first_fall(values, before, at, a, t) if t > a and (at < 0.0).any() else None
+    return sooner if sooner and sooner[0] < t - SHARPNESS * b else (t, which)

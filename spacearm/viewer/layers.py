@@ -10,6 +10,7 @@ import meshcat
 import meshcat.geometry as g
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
@@ -18,6 +19,7 @@ from spacearm.description.bodies import Inertial
 from spacearm.description.shapes import faces
 from spacearm.mission.attitude_search import ENDS
 from spacearm.mission.attitudes import FeasibleAttitudes
+from spacearm.mission.catching import Catch
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.singularities.risk import RiskProfile
@@ -26,6 +28,7 @@ from spacearm.viewer.shapes import (
     at,
     bar,
     distance_colors,
+    draw_axes,
     film,
     glass,
     link_poses,
@@ -34,6 +37,7 @@ from spacearm.viewer.shapes import (
 )
 from spacearm.workspaces.path_dependent import Workspace
 
+HERE = pin.SE3.Identity()
 BLUE, VERMILION, TEAL, OLIVE = 0x0072B2, 0xD55E00, 0x009E73, 0x8A8A00
 PALE, STEEL, SLATE, NEEDLE = 0x8B949E, 0x8A8F98, 0x5F6B7A, 0x7F7F7F
 LAYERS = {
@@ -48,6 +52,7 @@ LAYERS = {
     "risk": "#f0e442",
     "attitudes": "#44aa99",
     "obstacles": "#5f6b7a",
+    "target": "#8c6d1f",
     "wheels": "#009e73",
     "wrenches": "#8a8a00",
     "trace": "#d55e00",
@@ -161,6 +166,40 @@ class ObstacleLayer:
         for obstacle, nodes in self._moving:
             for pose, node in zip(obstacle.poses(t), nodes, strict=True):
                 node.set_transform(pose.homogeneous)
+
+
+class TargetLayer:
+    """The target of a catch, its grapple frames and the stand-off, drawn under one node.
+
+    It tumbles until contact; from then on the hand carries it.
+
+    Args:
+        node: The node.
+        catch: The catch.
+        size: Radius of the system [m].
+    """
+
+    def __init__(self, node: meshcat.Visualizer, catch: Catch, size: float) -> None:
+        self._node, self._catch = node, catch
+        node.delete()
+        begin = catch.begin + float(catch.plan.t[-1])
+        frame = catch.target.at(begin, catch.grapple).pose
+        places = {**catch.target.grapples}
+        places["stand-off"] = places[catch.grapple] * frame.actInv(catch.plan[-1].tip)
+        self._held = catch.chase[-1].tip.actInv(catch.target.at(catch.t).pose)
+        ObstacleLayer(node["body"], [Obstacle.of_target(catch.target.replace(pose=HERE))])
+        for number, (name, pose) in enumerate(places.items()):
+            color = OLIVE if name == "stand-off" else TEAL
+            draw_axes(node["frames"][str(number)], 0.4 * size, color)
+            node["frames"][str(number)].set_transform(pose.homogeneous)
+        self._standing = node["frames"][str(len(places) - 1)]
+
+    def draw(self, cfg: Configuration, t: float) -> None:
+        """Move it to where it is at a time [s]."""
+        free = t < self._catch.t
+        pose = self._catch.target.at(t).pose if free else cfg.tip * self._held
+        self._node.set_transform(pose.homogeneous)
+        self._standing.set_property("visible", free)
 
 
 PARTS = (("force", 1, slice(3)), ("torque", 2, slice(3, 6)))

@@ -44,7 +44,8 @@ def view(
             - a singular set: the arm at the singular posture nearest to zeros;
             - a `Region`: its first singular configuration;
             - `FeasibleAttitudes`: the motion along the path from the best of them, with all of them
-              around the spacecraft.
+              around the spacecraft;
+            - a `Catch`: its flight, with the tumbling target, its grapple frames and the stand-off.
         compare: What a motion is played in step with, as a ghost and by dashed curves: another
             motion, or "free-floating", "attitude-controlled" or "fixed" for the same joint motion
             with the spacecraft doing that.
@@ -136,6 +137,15 @@ def _attitudes(found: Any) -> Viewer:
     return viewer
 
 
+def _catch(found: Any) -> Viewer:
+    """Play the flight of a catch, with the target."""
+    from spacearm.motion.simulation import COARSE  # slow to import
+
+    viewer = _motion(found.fly(integration=COARSE))
+    viewer.target(found)
+    return viewer
+
+
 def _region(region: Any) -> Viewer:
     """Show the first singular configuration of a region."""
     if not region.singular:
@@ -174,6 +184,7 @@ RULES = (
     _Rule("a Workspace", _has("arm", "pdw", "reachable"), _workspace),
     _Rule("a singular set", _has("arm", "nearest"), _nearest),
     _Rule("feasible attitudes", _has("arm", "motion", "start"), _attitudes),
+    _Rule("a Catch", _has("arm", "target", "fly"), _catch),
     _Rule("a Region", _has("singular", "kind"), _region),
     _Rule(
         "a result with a configuration",

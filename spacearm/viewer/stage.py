@@ -13,6 +13,7 @@ from meshcat.animation import AnimationClip
 
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
+from spacearm.mission.catching import Catch
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
@@ -33,7 +34,7 @@ MOST_POSES = 600
 FRAMES_PER_SECOND = 30
 VIEW = np.array([0.55, -0.75, 0.0])
 """Direction from which workspaces of spatial arms are cut open: the page's, but level."""
-PLAYED = ("wheels", "wrenches", "trace", "goal", "comparison")
+PLAYED = ("target", "wheels", "wrenches", "trace", "goal", "comparison")
 """Layers that belong to a motion."""
 
 
@@ -74,6 +75,7 @@ class Stage:
         if motion:
             session.spacecraft = motion.mode
             session.show(motion[0])
+        self._target: layers.TargetLayer | None = None
         self.obstruct(self._around)
         self._loads = layers.LoadLayer(root, session.cfg, motion, self.scene.size)
         self.compare(None)
@@ -92,6 +94,11 @@ class Stage:
         node.delete()
         self._obstacle_layer = layers.ObstacleLayer(node, self.obstacles)
         self.show_layer("obstacles", "obstacles" not in self.hidden)
+
+    def show_target(self, catch: Catch) -> None:
+        """Draw the target of the catch that plays."""
+        self._target = layers.TargetLayer(self.scene.root["target"], catch, self.scene.size)
+        self.draw()
 
     def show_computed(self, layer: str, result: Any) -> None:
         """Draw workspaces, the risk or feasible attitudes in the layer of that name."""
@@ -161,6 +168,8 @@ class Stage:
         self.scene.move(cfg)
         self._loads.draw(cfg, t)
         self._obstacle_layer.draw(t)
+        if self._target:
+            self._target.draw(cfg, t)
         if self.other and self._ghost:
             self._ghost.place(self.other.motion.at(t))
 

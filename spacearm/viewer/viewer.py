@@ -22,6 +22,7 @@ from spacearm.collisions.obstacles import ObstacleLike, obstacles_of
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.files import name_part, write_by
 from spacearm.mission.attitudes import FeasibleAttitudes
+from spacearm.mission.catching import Catch
 from spacearm.model.arm import Configuration
 from spacearm.motion.flights import Flight
 from spacearm.motion.motion import Motion
@@ -138,6 +139,16 @@ class Viewer:
         """
         with self._lock:
             self._stage.show_computed("attitudes", found)
+        self._changed()
+
+    def target(self, catch: Catch) -> None:
+        """Draw the target of the catch that plays, with its grapple frames and the stand-off.
+
+        Args:
+            catch: What `sa.catch` has found; `sa.view(catch)` plays its flight.
+        """
+        with self._lock:
+            self._stage.show_target(catch)
         self._changed()
 
     def layer(self, name: str, visible: bool) -> None:

@@ -33,6 +33,7 @@ COMMANDS = {
     "query": ("planar2", *CM),
     "nearest": ("planar2", *CM),
     "box": ("planar2", *CM),
+    "boxes": ("planar2", *CM, "--to", "0.5,1.5", "--share", 0.9),
     "path": ("planar2", "run.npz"),
     "map": ("planar2", "--points", 3),
     "workspace": ("planar2", "--free"),

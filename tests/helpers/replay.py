@@ -8,15 +8,17 @@ from scipy.interpolate import make_interp_spline
 import spacearm as sa
 
 
-def replay(plan, row=None):
+def replay(plan, row=None, momentum=None):
     """The end, or a row, and the largest turn up to it, by DOP853 on w = D^-1 (h - D_q dq).
+
+    Of a motion that does not know its momentum (6,) it is given.
 
     The joints follow what `sa.Tracking` wants of them, the wheels a quintic spline.
     """
-    arm, start, h = plan.arm, plan[0], plan.momentum[0]
+    arm, start, h = plan.arm, plan[0], plan.momentum[0] if momentum is None else momentum
     wanted = sa.Tracking(plan).wanted
     held = None
-    if plan.wheels.any():
+    if momentum is None and plan.wheels.any():
         still = [(order, np.zeros(plan.wheels.shape[1])) for order in (1, 2)]
         held = make_interp_spline(plan.t, plan.wheels, k=5, bc_type=(still, still))
 

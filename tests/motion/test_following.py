@@ -49,6 +49,25 @@ def test_the_direct_line_stops_at_a_singularity(arm):
     assert np.abs(line[:, 0] * towards[1] - line[:, 1] * towards[0]).max() < 1e-4  # E is rounded
 
 
+@pytest.mark.parametrize(
+    "seed", [1, *(pytest.param(i, marks=pytest.mark.slow) for i in range(4, 9))]
+)
+def test_a_goal_just_before_a_singularity_is_arrived_at(seed):
+    """One step of the integration may lead past both, and back along the path behind it."""
+    rng = chosen(seed)
+    arm = load_text(random_chain(rng, 3, ("revolute",)), tip="tip", task="position")
+    start = arm.at(rng.uniform(-1.5, 1.5, 3))
+    line = rng.normal(size=3)
+    tip, line = start.tip.translation, line / np.linalg.norm(line)
+    stopped = sa.follow(start, [tip + 5.0 * line], limits=False)
+    assert stopped.ended == "singularity"
+    for share in (0.998, 0.9999, 1.001):
+        length = share * stopped.s[-1]
+        run = sa.follow(start, [tip + length * line], limits=False)
+        assert run.ended == ("arrived" if share < 1.0 else "singularity")
+        assert run.s[-1] == pytest.approx(min(length, stopped.s[-1]), rel=1e-8)
+
+
 def test_to_c(to_c):
     assert to_c.arrived
     assert attitude(to_c) == pytest.approx(39.6, abs=0.05)

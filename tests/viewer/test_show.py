@@ -9,6 +9,7 @@ import pytest
 import trimesh
 import umsgpack
 from helpers.arms import joint, link, robot, two_links
+from helpers.catching import caught
 
 import spacearm as sa
 from spacearm.description.bodies import Inertial
@@ -160,7 +161,7 @@ def test_what_has_no_posture_is_refused(thing):
     message = (
         f"a {type(thing).__name__} cannot be shown; give a SpaceArm, a Configuration, a motion "
         r"\(with arm, t, q and base\), a Workspace, a singular set, feasible attitudes, "
-        r"a Region, a result with a conf"
+        r"a Catch, a Region, a result with a conf"
     )
     with pytest.raises(sa.ConfigurationError, match=message):
         shown(thing)
@@ -236,3 +237,30 @@ def test_rings_and_compass_have_the_colours_of_the_axes():
     for name in ("grab.js", "page.css"):
         for color in AXES[:2]:
             assert f"#{color:06x}" in (PAGE / name).read_text()
+
+
+@pytest.mark.slow
+def test_a_catch_plays_with_its_target_in_the_hand_from_contact_on():
+    """The drawn target is where it tumbles, and then where the tip carries it."""
+    catch = caught()
+    viewer = sa.view(catch, open=False)
+    motion, stage = viewer.session, viewer._stage
+    assert "target" not in stage.hidden
+    nodes = stage.poses()["nodes"]
+    assert "/spacearm/target" in nodes
+    held = catch.chase[-1].tip.actInv(catch.target.at(catch.t).pose)
+    sent = []
+    stage.scene.root["target"].window.send = sent.append
+    for t in (0.0, catch.t - 0.5, catch.t + 0.2):
+        stage.seek(t)
+        sent.clear()
+        stage.draw()
+        matrix = next(
+            m["matrix"]
+            for m in (one.lower() for one in sent)
+            if m["type"] == "set_transform" and m["path"].endswith("/target")
+        )
+        pose = np.reshape(matrix, (4, 4)).T
+        wanted = catch.target.at(t).pose if t < catch.t else motion.cfg.tip * held
+        np.testing.assert_allclose(pose, wanted.homogeneous, rtol=0, atol=1e-9)
+    assert motion.cfg.arm.mass == pytest.approx(catch.arm.mass + catch.target.mass)

@@ -605,7 +605,7 @@ def test_layers_and_shells(viewer):
         viewer.shells([-1])
     assert set(layers.LAYERS) == {"grid", "bodies", "centre of mass", "virtual manipulator",
                                  "tip frame", "ellipsoid", "directions", "shells", "risk", "trace",
-                                 "attitudes", "obstacles", "goal", "comparison",
+                                 "attitudes", "obstacles", "target", "goal", "comparison",
                                  "wheels", "wrenches"}  # fmt: skip
 
 

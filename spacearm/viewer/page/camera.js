@@ -5,7 +5,7 @@ import { byId, digits } from "./format.js";
 import { createTicks } from "./ticks.js";
 
 const FRAMED = ["bodies", "tip frame", "ellipsoid", "centre of mass", "virtual manipulator",
-  "directions", "obstacles", "trace", "goal", "comparison", "shells", "risk", "attitudes", "wheels",
+  "directions", "obstacles", "target", "trace", "goal", "comparison", "shells", "risk", "attitudes", "wheels",
   "wrenches"];
 const MARGIN = 0.1; // of the half width and height that stays free
 const FIELD = 45; // degrees, from the lower to the upper edge

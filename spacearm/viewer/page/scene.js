@@ -19,6 +19,7 @@ const MEANING = {
   "risk": "How many of the postures that put the tip at this distance from the centre of mass are near a singular one.",
   "attitudes": "Where an axis of the spacecraft may point so that the tip can follow the path: blue where it can, vermilion where not.",
   "obstacles": "What must not be met.",
+  "target": "What is caught, which tumbles until contact, the axes of its grapple frames, and those of the stand-off.",
   "wheels": "What each reaction wheel holds by spinning, as an arrow along its axis.",
   "wrenches": "Forces on the links as arrows, torques as arrows with two heads.",
   "trace": "The path of the tip, vermilion where a singular posture is near, blue from 30° on.",
