@@ -294,7 +294,7 @@ def fits(value: object, hint: Hint) -> bool:
     if origin in (int, float):
         kind = Integral if origin is int else Real
         whole = isinstance(value, kind) and not isinstance(value, bool)
-        return whole or (getattr(value, "ndim", 1) == 0 and are_numbers(value))
+        return whole or (origin is float and getattr(value, "ndim", 1) == 0 and are_numbers(value))
     if origin is bool:
         return isinstance(value, bool | np.bool_)
     if origin is Callable:
@@ -303,6 +303,8 @@ def fits(value: object, hint: Hint) -> bool:
         return all(hasattr(value, name) for name in vars(origin) if name[0] != "_")
     if not isinstance(origin, type) or origin in (Any, object, Unseen):
         return True
+    if isinstance(value, np.ndarray) and not value.ndim and issubclass(origin, Iterable):
+        return False
     if origin is tuple and isinstance(value, list | np.ndarray):
         value = tuple(value)
     if isinstance(value, np.ndarray) and value.ndim and issubclass(list, origin):

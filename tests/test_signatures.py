@@ -32,7 +32,8 @@ LIMIT = 0.3
     ("hint", "good", "bad"),
     [
         (float, [1, 1.5, np.float32(2), np.int64(3), np.array(1.0)], ["1", None, True, [1.0], 1j]),
-        (int, [1, np.int32(2)], [1.5, "1", None, True]),
+        (int, [1, np.int32(2)], [1.5, "1", None, True, np.float64(2), np.array(2)]),
+        (tuple[int, ...], [(1, 2), np.array([1, 2])], [np.array(1), np.ones(2), (1.0,)]),
         (bool, [True, np.bool_(False)], [1, "yes", None]),
         (str, ["a"], [1, None, ["a"]]),
         (float | None, [None, 1.0], ["1", [1.0]]),
@@ -139,6 +140,7 @@ def things(folder):
         *(kind(target=[0.9, 1.4]) for kind in (sa.ResolvedRate, sa.DampedLeastSquares)),
         sa.TransposedJacobian(target=[0.9, 1.4], kp=1, kd=1),
         apart,
+        sa.Servo(arm),
     ]
     motion.save(folder / "plan.npz")
     return arm, cfg, uncertain, motion, law, objects
@@ -163,11 +165,15 @@ def right(arm, cfg, uncertain, motion, law):
         "joint": 0, "order": 1, "angles": {0: 0.1}, "j": 0, "shape": (8, 8), "keep": (0,),
         "centre": np.zeros(2), "half": np.full(2, 0.1), "offset": np.zeros(2), "R": np.eye(3),
         "axes": np.eye(3), "mount": pin.SE3.Identity(), "path": [tip, tip + 0.01],
-        "parameters": {"base_mass": [100.0]},
+        "parameters": {"base_mass": [100.0]}, "servo": sa.Servo(arm), "posture": cfg,
+        "twist": [0.1, 0.0], "messages": [{"t": 0.0, "q": planar}],
     }  # fmt: skip
 
 
-OWN = {"DampedLeastSquares.damped_rates": {"J": np.eye(2)}}
+OWN = {
+    "DampedLeastSquares.damped_rates": {"J": np.eye(2)},
+    "Servo.tick": {"seen": sa.Servo(sa.load("planar2")).seen(([0.3, 1.2], np.eye(4)), [0, 0], 0.1)},
+}
 """Right arguments of one function that have other shapes than elsewhere."""
 
 
