@@ -294,7 +294,7 @@ def fits(value: object, hint: Hint) -> bool:
     if origin in (int, float):
         kind = Integral if origin is int else Real
         whole = isinstance(value, kind) and not isinstance(value, bool)
-        return whole or (getattr(value, "ndim", 1) == 0 and are_numbers(value))
+        return whole or (origin is float and getattr(value, "ndim", 1) == 0 and are_numbers(value))
     if origin is bool:
         return isinstance(value, bool | np.bool_)
     if origin is Callable:
@@ -303,13 +303,13 @@ def fits(value: object, hint: Hint) -> bool:
         return all(hasattr(value, name) for name in vars(origin) if name[0] != "_")
     if not isinstance(origin, type) or origin in (Any, object, Unseen):
         return True
-    many = issubclass(origin, Iterable) and origin is not str
-    if many and isinstance(value, np.ndarray) and not value.ndim:
-        return origin is np.ndarray  # a number, as an array without axes
+    if isinstance(value, np.ndarray) and not value.ndim and issubclass(origin, Iterable):
+        return False
     if origin is tuple and isinstance(value, list | np.ndarray):
         value = tuple(value)
     if isinstance(value, np.ndarray) and value.ndim and issubclass(list, origin):
         value = list(value)
+    many = issubclass(origin, Iterable) and origin is not str
     if not isinstance(value, origin) or (many and isinstance(value, str)):
         return False
     return not many or not inner or _entries_fit(value, origin, inner)

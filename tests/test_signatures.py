@@ -32,7 +32,8 @@ LIMIT = 0.3
     ("hint", "good", "bad"),
     [
         (float, [1, 1.5, np.float32(2), np.int64(3), np.array(1.0)], ["1", None, True, [1.0], 1j]),
-        (int, [1, np.int32(2)], [1.5, "1", None, True]),
+        (int, [1, np.int32(2)], [1.5, "1", None, True, np.float64(2), np.array(2)]),
+        (tuple[int, ...], [(1, 2), np.array([1, 2])], [np.array(1), np.ones(2), (1.0,)]),
         (bool, [True, np.bool_(False)], [1, "yes", None]),
         (str, ["a"], [1, None, ["a"]]),
         (float | None, [None, 1.0], ["1", [1.0]]),

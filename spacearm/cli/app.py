@@ -97,6 +97,10 @@ COMMANDS = {
         "missions.find_catch",
         "Find when and how the arm catches a tumbling target, with its velocity, and brakes it.",
     ),
+    "identify": (
+        "missions.identify_held",
+        "Identify what the hand holds from measured rates: mass, CM and inertia.",
+    ),
     "reaction": (
         "missions.report_reaction",
         "Report what a motion does to the spacecraft, and what holding the attitude takes.",

@@ -285,6 +285,7 @@ def test_malformed_text_is_answered_and_the_server_goes_on(viewer, text):
     assert "readout" in talk(url, '{"do": "home"}')[0]
 
 
+@pytest.mark.slow
 def test_a_thousand_rapid_messages_end_in_the_last_state(viewer):
     url = viewer.serve()
     values = np.linspace(-3, 3, 1000)
