@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -36,18 +36,23 @@ from spacearm.mechanics.dynamics import (
     inverse_dynamics,
     spacecraft_twist,
 )
+from spacearm.mechanics.floating import STEP, move, walk
+from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Tracking
 from spacearm.motion.flights import Flight, Grasp, Phase, simulate_phases
 from spacearm.motion.following import Followed, follow
-from spacearm.motion.goal import out_of_reach
+from spacearm.motion.goal import out_of_reach, twist_between
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.plant import Integration, Plant
 from spacearm.planning.planner import plan
-from spacearm.planning.request import Constraints, Search
+from spacearm.planning.problem import Problem
+from spacearm.planning.request import Constraints, Joints, PlanRequest, Search
 from spacearm.planning.result import Plan
-from spacearm.planning.timing import eased
+from spacearm.planning.strategies.at_rest import by_methods
+from spacearm.planning.strategies.drift import ramp_ends
+from spacearm.planning.timing import PEAK, eased
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle
@@ -57,6 +62,9 @@ NODES = 400
 """Poses through which the tip is led while it takes up the target's motion, and closing in."""
 PROVEN = math.radians(20.0)
 """Distance to the singular set that is proven at most [rad]."""
+COARSE, POSTURES, POSTURES_IN = 10, 8, 30.0
+"""The same of an approach that is rehearsed, from so many postures at most, and the time in which
+these are sought, at most [s]."""
 SHARES = (2.0, 6.0, 20.0)
 """Time that is given to each contact on the first, the second and the third pass [s]."""
 BRAKES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
@@ -441,14 +449,16 @@ class _Request:
                 near.append((bool(out_of_reach(self.start, pose)), -facing, float(t), name))
         return [(t, name) for _, _, t, name in sorted(near)]
 
-    def path(self, t: float, grapple: str) -> tuple[list[pin.SE3], Array]:
+    def path(
+        self, t: float, grapple: str, first: pin.SE3 | None = None, nodes: int = NODES
+    ) -> tuple[list[pin.SE3], Array]:
         """Return the poses of the tip from the stand-off to contact at t, and their times [s].
 
-        The first is the stand-off at the beginning, at rest; the tip then takes up the motion of
-        the stand-off, and closes in. All rates begin and end at zero relative to both.
+        The first is where the tip rests, at the stand-off if None; the tip then takes up the motion
+        of the stand-off, and closes in. All rates begin and end at zero relative to both.
         """
         join, close = self.duration
-        clock = np.linspace(0.0, join + close, 2 * NODES + 1)
+        clock = np.linspace(0.0, join + close, 2 * nodes + 1)
         begin = t - clock[-1]
         joined = eased(np.clip(clock / join, 0.0, 1.0))
         away = self.approach * (1.0 - eased(np.clip((clock - join) / close, 0.0, 1.0)))
@@ -457,7 +467,7 @@ class _Request:
             pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, -d]))
             for pose, d in zip(frames, away, strict=True)
         ]
-        first = frames[0]
+        first = frames[0] if first is None else first
         return [_between(first, pose, b) for pose, b in zip(frames, joined, strict=True)], clock
 
     def attempt(self, t: float, grapple: str, search: Search) -> Catch:
@@ -466,11 +476,69 @@ class _Request:
         Raises:
             SpaceArmError: There is none, or none was found.
         """
-        poses, clock = self.path(t, grapple)
-        target = self.target
+        poses, clock = self.path(t, grapple, nodes=1)
         if why := out_of_reach(self.start, poses[-1]):
             raise ImpossibleError(why)
-        reach = self._reach(poses[0], t - float(clock[-1]), search)
+        stands, failed = t - float(clock[-1]), NoSolutionError("no time was left")
+        ends = time.monotonic() + search.timeout
+        for goal in self._ends(t, grapple, poses[0], search):
+            if (left := ends - time.monotonic()) <= 0.0:
+                break
+            try:
+                reach = self._reach(goal, stands, replace(search, timeout=left))
+                return self._caught(t, grapple, reach)
+            except NoSolutionError as error:
+                failed = error
+        raise failed
+
+    def _ends(
+        self, t: float, grapple: str, stand: pin.SE3, search: Search
+    ) -> Iterator[pin.SE3 | Joints]:
+        """Yield goals at the stand-off from which the tip can be led to contact, then its pose.
+
+        The first are postures where straight joint motions end, those from which the approach
+        takes the least of the joints' rates before others.
+        """
+        start, rates = self.start, self.constraints.joint_rates(self.start.arm)
+        request = self._planned(stand, replace(search, timeout=POSTURES_IN))
+        room = rates * (t - sum(self.duration)) / PEAK
+        rng = np.random.default_rng((search.seed, int(1e3 * t)))
+        target = Problem.of(request).target
+        found = ramp_ends(start, target, np.eye(3), room, rng, request.account)
+        known = [(self._rehearsed(t, grapple, move(start, q)), q) for q in found[:POSTURES]]
+        for share, q in sorted(known, key=lambda one: one[0]):
+            if share <= 1.0:
+                yield Joints(q)
+        yield stand
+
+    def _rehearsed(self, t: float, grapple: str, stand: Configuration) -> float:
+        """Return the largest share of their rates that joints take on the approach, in few steps.
+
+        It is infinite if joint limits or the target are in the way.
+        """
+        poses, clock = self.path(t, grapple, stand.tip, COARSE)
+        arm, most = self.start.arm, self.constraints.joint_rates(self.start.arm)
+        rows, share = [stand], 0.0
+        for pose in poses[1:]:
+            here = rows[-1]
+            dq = np.linalg.pinv(generalized_jacobian(here)) @ twist_between(here.tip, pose)
+            share = max(share, float((np.abs(dq) / most).max() / clock[1]))
+            if share > 1.0 or (self.constraints.limits and _outside(arm, here.q + dq)):
+                return math.inf
+            rows.append(move(here, here.q + dq))
+        way = Motion(arm, clock, **samples(rows))
+        around = self._as_obstacle(t - float(clock[-1]))
+        met = self.constraints.collisions and collision_check(way, obstacles=around).contact
+        return math.inf if met else share
+
+    def _caught(self, t: float, grapple: str, reach: Plan) -> Catch:
+        """Return the catch at a time by a grapple frame, from a plan to about the stand-off.
+
+        Raises:
+            SpaceArmError: It keeps not all constraints.
+        """
+        target = self.target
+        poses, clock = self.path(t, grapple, reach[-1].tip)
         begin = t - float(clock[-1] + reach.t[-1])
         chase = follow(
             reach[-1], poses[1:], times=clock[1:], at_rest=False, limits=self.constraints.limits
@@ -507,15 +575,33 @@ class _Request:
             tried=(),
         )
 
-    def _reach(self, goal: pin.SE3, t: float, search: Search) -> Plan:
+    def _planned(self, goal: pin.SE3 | Joints, search: Search) -> PlanRequest:
+        """Return what is asked of a plan to the stand-off."""
+        start, constraints = self.start, self.constraints
+        return PlanRequest.of(start, goal, "spacecraft", constraints, search, (), None, None)
+
+    def _straight(self, goal: Joints, search: Search) -> Plan:
+        """Return the plan of a straight joint motion."""
+        start, way = self.start, np.asarray(goal.q) - self.start.q
+        u = np.linspace(0.0, 1.0, 1 + max(1, math.ceil(np.abs(way).max() / STEP)))
+        rows = walk(start, start.q + u[:, None] * way)
+        return by_methods(Problem.of(self._planned(goal, search)), {"straight": lambda _: rows})
+
+    def _reach(self, goal: pin.SE3 | Joints, t: float, search: Search) -> Plan:
         """Return the plan to the stand-off, until a time; it minds the target if it has to."""
-        reach = plan(self.start, goal, constraints=self.constraints, search=search)
+        straight = isinstance(goal, Joints)
+        if straight:
+            reach = self._straight(goal, search)
+        else:
+            reach = plan(self.start, goal, constraints=self.constraints, search=search)
         if (late := float(reach.t[-1]) - t) > 0.0:
             raise NoSolutionError(f"the way to the stand-off takes {late:.3g} s too long")
         duration = min(t, 1.5 * float(reach.t[-1]))
         around = self._as_obstacle(t - float(reach.t[-1]))
         if not self.constraints.collisions or not collision_check(reach, obstacles=around).contact:
             return reach
+        if straight:
+            raise NoSolutionError("the straight way to the stand-off meets the target")
         kept = obstacles_of(self.constraints.obstacles, self.start.arm)
         among = replace(self.constraints, obstacles=(*kept, self._as_obstacle(t - duration)))
         return plan(self.start, goal, duration=duration, constraints=among, search=search)
@@ -545,7 +631,7 @@ class _Request:
         for duration in BRAKES:
             s = np.linspace(0.0, 1.0, STEPS + 1)
             q = held.q + np.outer(duration * (s - s**3 + 0.5 * s**4), dq)
-            if self.constraints.limits and ((q[-1] < arm.lower) | (q[-1] > arm.upper)).any():
+            if self.constraints.limits and _outside(arm, q[-1]):
                 why = f"braking in {duration:g} s leads beyond the joint limits"
                 break
             rates, ddq = np.outer(1 - 3 * s**2 + 2 * s**3, dq), np.outer(6 * (s**2 - s), dq)
@@ -561,6 +647,11 @@ class _Request:
             most = float((torque / self.efforts).max())
             why = f"braking in {duration:g} s takes {most:.3g} times the torque"
         raise NoSolutionError(f"with {self.target.name} in the hand, {why}")
+
+
+def _outside(arm: SpaceArm, q: Array) -> bool:
+    """Return whether joint positions (n,) are beyond the joint limits."""
+    return bool(((q < arm.lower) | (q > arm.upper)).any())
 
 
 def _between(a: pin.SE3, b: pin.SE3, s: float) -> pin.SE3:
