@@ -174,9 +174,8 @@ def main(count: int, names: list[str]) -> None:
         print(f"{name}: {len(took)} of {count} caught, {drawn} drawn")
         print(f"  median {half:.3g} s, nine of ten in {most:.3g} s")
         off, turn, slip, spin = np.max(missed, axis=0)
-        print(
-            f"  at contact {off:.1e} m, {np.degrees(turn):.1e} deg, {slip:.1e} m/s, {spin:.1e} rad/s"
-        )
+        print(f"  at contact {off:.1e} m and {np.degrees(turn):.1e} deg off,", end=" ")
+        print(f"{slip:.1e} m/s and {spin:.1e} rad/s too fast")
 
 
 if __name__ == "__main__":
