@@ -13,7 +13,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -33,12 +33,12 @@ from spacearm.errors import (
 )
 from spacearm.mechanics.dynamics import (
     generalized_velocity,
-    inverse_dynamics,
     spacecraft_twist,
 )
 from spacearm.mechanics.floating import STEP, move, walk
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.mechanics.target import Target
+from spacearm.mission.braking import Braking, braked, largest_torques, outside
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Tracking
 from spacearm.motion.flights import Flight, Grasp, Phase, simulate_phases
@@ -56,7 +56,7 @@ from spacearm.planning.timing import PEAK, eased
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle
-from spacearm.singularities.sets import prove_regular, singular_set
+from spacearm.singularities.sets import singular_set
 
 NODES = 400
 """Poses through which the tip is led while it takes up the target's motion, and closing in."""
@@ -67,10 +67,6 @@ COARSE, POSTURES, POSTURES_IN = 10, 8, 30.0
 these are sought, at most [s]."""
 SHARES = (2.0, 6.0, 20.0)
 """Time that is given to each contact on the first, the second and the third pass [s]."""
-BRAKES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
-"""Durations of the braking that are tried [s]."""
-STEPS = 60
-"""Steps in which the braking is integrated."""
 
 
 class Candidate(NamedTuple):
@@ -91,21 +87,6 @@ class Candidate(NamedTuple):
     def to_dict(self) -> dict[str, Any]:
         """Return all fields."""
         return self._asdict()
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Braking(Motion):
-    """The motion by which an arm that holds a target brings its joints to rest.
-
-    Attributes:
-        dq: (m, n) joint rates [rad/s] or [m/s].
-        ddq: (m, n) joint accelerations [rad/s^2] or [m/s^2].
-        momentum: (m, 6) momentum of arm and target, as of `Trajectory`.
-    """
-
-    dq: Array = field(kw_only=True)
-    ddq: Array = field(kw_only=True)
-    momentum: Array = field(kw_only=True)
 
 
 @checked
@@ -523,7 +504,7 @@ class _Request:
             here = rows[-1]
             dq = np.linalg.pinv(generalized_jacobian(here)) @ twist_between(here.tip, pose)
             share = max(share, float((np.abs(dq) / most).max() / clock[1]))
-            if share > 1.0 or (self.constraints.limits and _outside(arm, here.q + dq)):
+            if share > 1.0 or (self.constraints.limits and outside(arm, here.q + dq)):
                 return math.inf
             rows.append(move(here, here.q + dq))
         way = Motion(arm, clock, **samples(rows))
@@ -554,8 +535,11 @@ class _Request:
         v = generalized_velocity(end, chase.dq[-1])
         stack = end.arm.grasp(**_in_hand(target, t, end.tip)).at(end.q, base=end.base)
         held = stack.with_momentum(stack.A @ v)
-        brake, strain = self._brake(held, chase.dq[-1])
-        torque = np.maximum(_torques(chase, chase.dq, chase.ddq, np.zeros(6)), strain)
+        try:
+            brake, strain = braked(held, chase.dq[-1], self.constraints.limits, self.efforts)
+        except NoSolutionError as error:
+            raise NoSolutionError(f"with {target.name} in the hand, {error}") from None
+        torque = np.maximum(largest_torques(chase, chase.dq, chase.ddq, np.zeros(6)), strain)
         self._check_loads("torque", torque, self.efforts)
         off = end.tip.actInv(frame.pose)
         return Catch(
@@ -625,34 +609,6 @@ class _Request:
         if contact is not None:
             raise NoSolutionError(f"{' and '.join(contact.links)} meet after {contact.t:.4g} s")
 
-    def _brake(self, held: Configuration, dq: Array) -> tuple[Braking, Array]:
-        """Return the first braking that keeps limits and torques, and its largest torques (n,)."""
-        arm, momentum, why = held.arm, held.momentum, ""
-        for duration in BRAKES:
-            s = np.linspace(0.0, 1.0, STEPS + 1)
-            q = held.q + np.outer(duration * (s - s**3 + 0.5 * s**4), dq)
-            if self.constraints.limits and _outside(arm, q[-1]):
-                why = f"braking in {duration:g} s leads beyond the joint limits"
-                break
-            rates, ddq = np.outer(1 - 3 * s**2 + 2 * s**3, dq), np.outer(6 * (s**2 - s), dq)
-            ddq /= duration
-            motion = _drifting(held, momentum, duration * s, q, rates, ddq)
-            torque = _torques(motion, rates, ddq, momentum)
-            proof = prove_regular(arm, q[[0, -1]])
-            if proof is not None and not proof.free:
-                why = f"braking in {duration:g} s leads through a singular posture"
-                break
-            if (torque <= self.efforts).all():
-                return motion, torque
-            most = float((torque / self.efforts).max())
-            why = f"braking in {duration:g} s takes {most:.3g} times the torque"
-        raise NoSolutionError(f"with {self.target.name} in the hand, {why}")
-
-
-def _outside(arm: SpaceArm, q: Array) -> bool:
-    """Return whether joint positions (n,) are beyond the joint limits."""
-    return bool(((q < arm.lower) | (q > arm.upper)).any())
-
 
 def _between(a: pin.SE3, b: pin.SE3, s: float) -> pin.SE3:
     """Return a pose between two: the straight line of its origin, the shortest turn."""
@@ -701,37 +657,3 @@ def _proven(*motions: Motion) -> float:
         if least <= 0.0:
             raise NoSolutionError("it is not proven that the way meets no singularity")
     return least
-
-
-def _drifting(
-    start: Configuration, momentum: Array, t: Array, q: Array, dq: Array, ddq: Array
-) -> Braking:
-    """Return the motion of the spacecraft with momentum while the joints move as given."""
-    arm, com = start.arm, start.com
-    rows = [start]
-    velocity = momentum[:3] / arm.mass
-    for i in range(1, len(t)):
-        h = t[i] - t[i - 1]
-        before = rows[-1]
-        w = spacecraft_twist(before, dq[i - 1])[3:]
-        middle = arm.at(
-            0.5 * (q[i] + q[i - 1]),
-            base=pin.SE3(pin.exp3(0.5 * h * w) @ before.base.rotation, before.base.translation),
-            momentum=momentum,
-        )
-        w = spacecraft_twist(middle, 0.5 * (dq[i] + dq[i - 1]))[3:]
-        turned = pin.SE3(pin.exp3(h * w) @ before.base.rotation, np.zeros(3))
-        there = arm.at(q[i], base=turned)
-        turned.translation = com + t[i] * velocity - there.com
-        rows.append(arm.at(q[i], base=turned, momentum=momentum))
-    kept = np.tile(momentum, (len(t), 1))
-    return Braking(arm, t, **samples(rows), dq=dq, ddq=ddq, momentum=kept)
-
-
-def _torques(motion: Motion, dq: Array, ddq: Array, momentum: Array) -> Array:
-    """Return the largest torques (n,) of a motion [N m] or [N]."""
-    rows = np.unique(np.linspace(0, len(motion) - 1, STEPS).astype(int))
-    taus = [
-        inverse_dynamics(motion[int(i)].with_momentum(momentum), dq[i], ddq[i]).tau for i in rows
-    ]
-    return np.abs(taus).max(axis=0)
