@@ -14,7 +14,7 @@ import time
 
 import numpy as np
 import pinocchio as pin
-from planning import random_chain
+from planning import random_arm
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
@@ -26,12 +26,6 @@ STARTS = {
     "chaser7": [0.0, 0.6, 0.0, 1.2, 0.0, 0.8, 0.0],
     "servicer_ur5": [0.0, -1.2, 1.6, -0.4, 1.2, 0.0],
 }
-
-
-def seven_joints(seed: int = 1) -> sa.SpaceArm:
-    """Return a random 7R arm on a spacecraft of 200 kg."""
-    arm = random_chain(False, 7, np.random.default_rng(seed))
-    return arm.replace(base_mass=200.0, base_inertia=np.diag([40.0, 35.0, 30.0]))
 
 
 def still(cfg: sa.Configuration) -> sa.Motion:
@@ -142,12 +136,12 @@ def replayed(catch: sa.Catch) -> np.ndarray:
 def main(count: int, names: list[str]) -> None:
     """Print the figures of each arm."""
     for name in names:
-        arm = seven_joints() if name == "7R" else sa.load(name)
+        arm = random_arm(False, 7, 1).replace(base_mass=200.0) if name == "7R" else sa.load(name)
         rng = np.random.default_rng(0)
         q = STARTS.get(name)
         while q is None:
-            x = rng.uniform(-1.5, 1.5, arm.n)
-            far = sa.singularity(arm.at(x)).distance > 0.3
+            x = rng.uniform(-1.0, 1.0, arm.n) * np.minimum(1.5, arm.upper)
+            far = sa.singularity(arm.at(x)).distance > 0.2
             q = x if far and not sa.collision_check(still(arm.at(x))).contact else None
         start = arm.at(q)
         took, missed, drawn = list[float](), list[np.ndarray](), 0

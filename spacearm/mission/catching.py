@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, plain, positive
+from spacearm.arrays import Array, finite, plain, positive, shape_of
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.collisions.separation import collision_check
 from spacearm.errors import (
@@ -203,6 +203,8 @@ class Catch(Result):
             "relative velocity": Measure(float(rates[0]), "m/s", ".1e"),
             "relative angular velocity": Measure(float(rates[1]), "rad/s", ".1e"),
             "largest torques": Measure(self.torque, "N m"),
+            "the grapple bears": Measure(float(self.brake.borne[0]), "N"),
+            "and about it": Measure(float(self.brake.borne[1]), "N m"),
             "angular momentum afterwards": Measure(self.momentum[3:], "N m s"),
             "turns afterwards at": Measure(float(np.linalg.norm(self.tumble)), "rad/s"),
         }
@@ -234,6 +236,7 @@ class Catch(Result):
             "turn_error": self.turn_error,
             "twist_error": self.twist_error,
             "torque": self.torque,
+            "borne": self.brake.borne,
             "momentum": self.momentum,
             "tumble": self.tumble,
             "contacts": self.tried,
@@ -254,6 +257,7 @@ def catch(
     approach: float = 0.2,
     closing: float = 0.05,
     touching: Sequence[str] | None = None,
+    bears: Sequence[float] = (math.inf, math.inf),
     wanted: int = 3,
     constraints: Constraints = Constraints(),
     search: Search = Search(),
@@ -273,6 +277,8 @@ def catch(
             grapple frame [m].
         closing: Mean speed at which it closes in [m/s].
         touching: Links of the arm that may touch the target; if None those that move as the tip.
+        bears: Largest force [N] and largest moment [N m] that the grapple bears at the tip while
+            the arm is braked with the target in its hand.
         wanted: How many catches are found before the best is taken.
         constraints: What must hold on the way, as for `plan`. Rates and torques are those of the
             description, unless rates are given.
@@ -301,7 +307,9 @@ def catch(
         >>> bool(catch.place_error < 1e-6 and abs(catch.twist_error).max() < 1e-5)
         True
     """
-    request = _Request.of(start, target, grapple, window, approach, closing, touching, constraints)
+    request = _Request.of(
+        start, target, grapple, window, approach, closing, touching, bears, constraints
+    )
     begun = time.monotonic()
     ends = begun + search.timeout
     tried, found = dict[tuple[float, str], Candidate](), list[Catch]()
@@ -357,6 +365,7 @@ class _Request:
     approach: float
     closing: float
     touching: tuple[str, ...]
+    bears: Array
     constraints: Constraints
 
     @classmethod
@@ -369,6 +378,7 @@ class _Request:
         approach: float,
         closing: float,
         touching: Sequence[str] | None,
+        bears: Sequence[float],
         constraints: Constraints,
     ) -> _Request:
         """Check what was given."""
@@ -392,6 +402,9 @@ class _Request:
         early, late = finite(window, (2,), "window", "[s], the earliest and the latest contact")
         if not 0.0 <= early <= late:
             raise ConfigurationError(f"window is {window!r}; give two growing times from 0 s on")
+        most = shape_of(bears) == (2,) and np.asarray(bears, dtype=np.float64)
+        if most is False or not (most > 0.0).all():
+            raise ConfigurationError(f"bears is {bears!r}; give a force [N] and a moment [N m] > 0")
         if touching is None:
             touching = arm.tree.lumps[arm.tree.body_of[arm.tip]]
         for link in touching:
@@ -400,7 +413,8 @@ class _Request:
         return cls(
             start, target, tuple(target.grapples) if grapple is None else (grapple,),
             (float(early), float(late)), positive(approach, "approach", "distance [m]"),
-            positive(closing, "closing", "speed [m/s]"), tuple(touching), constraints,
+            positive(closing, "closing", "speed [m/s]"), tuple(touching),
+            np.array(most), constraints,
         )  # fmt: skip
 
     @property
@@ -536,10 +550,16 @@ class _Request:
         stack = end.arm.grasp(**_in_hand(target, t, end.tip)).at(end.q, base=end.base)
         held = stack.with_momentum(stack.A @ v)
         try:
-            brake, strain = braked(held, chase.dq[-1], self.constraints.limits, self.efforts)
+            brake = braked(
+                held, chase.dq[-1], grasp_of(target, t, end.tip), self.constraints.limits,
+                self.efforts, self.bears,
+            )  # fmt: skip
         except NoSolutionError as error:
             raise NoSolutionError(f"with {target.name} in the hand, {error}") from None
-        torque = np.maximum(largest_torques(chase, chase.dq, chase.ddq, np.zeros(6)), strain)
+        torque = np.maximum(
+            largest_torques(chase, chase.dq, chase.ddq, np.zeros(6)),
+            np.abs(brake.torque).max(axis=0),
+        )
         self._check_loads("torque", torque, self.efforts)
         off = end.tip.actInv(frame.pose)
         return Catch(
