@@ -123,12 +123,17 @@ def find_catch(
 ) -> None:
     """Find when and how the arm catches a tumbling target, with its velocity, and brakes it.
 
-    --with gives more of what sa.catch takes: start, closing, touching, wanted, constraints, search.
+    --with gives more of what sa.catch takes: start, closing, touching, bears, wanted,
+    constraints, search.
     """
-    asked = question(more, "start", "closing", "touching", "wanted", "constraints", "search")
+    asked = question(
+        more, "start", "closing", "touching", "bears", "wanted", "constraints", "search"
+    )
     start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
     early, late = numbers("--window", window, 2).tolist()
-    rest = {k: v for k, v in asked.values.items() if k in ("closing", "touching", "wanted")}
+    rest = {
+        k: v for k, v in asked.values.items() if k in ("closing", "touching", "bears", "wanted")
+    }
     with working("trying contacts") as progress:
         found = catch(
             start,
