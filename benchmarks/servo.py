@@ -12,7 +12,8 @@ degrees away from the set. All three scale their rates to the same limits.
 Printed of each arm: the share of the commanded motion that is done; the nearest that any run comes
 to the set, searched anew four times a second along each run by `distances_found`, which knows
 nothing of the servo; of the servo also whether any limit was exceeded, and in which share of the
-steps farther away than `slow` the direction was off by more than a degree.
+steps farther away than `slow` the direction was off by more than a degree: where accelerations do
+not allow it at once. The other two fly the first eight of the runs.
 """
 
 from __future__ import annotations
@@ -29,25 +30,26 @@ from spacearm.singularities.nearest import distances_found
 
 ARMS = ("planar2", "planar3", "mda6", "ssrms", "chaser7", "cubesat_xarm")
 DT, SECONDS, LOOKS = 0.01, 60.0, 0.25
-RATE, ACCELERATION = 0.5, 2.0
+RATE, ACCELERATION, WISHED = 0.5, 2.0, 0.1
+OTHERS = 8
 SLOWED, HALTED = 17.0, 30.0
 DAMPED = sa.DampedLeastSquares(target=(0.0,))
 
 
-def wishes(arm: sa.SpaceArm, m: int) -> np.ndarray:
-    """Smooth twists (steps, m, 6 tips): sums of four slow sines, a tenth of the arm's length."""
-    rng, size = np.random.default_rng(1), 6 * len(arm.tips)
+def wishes(arm: sa.SpaceArm, Q: np.ndarray) -> np.ndarray:
+    """Smooth twists (steps, m, 6 tips) from postures Q (m, n): sums of four slow sines.
+
+    Of a size that takes a joint rate of `WISHED` at the median posture.
+    """
+    rng, (m, _), size = np.random.default_rng(1), Q.shape, 6 * len(arm.tips)
     length = max(map(arm.tree.way_to, arm.tips))
-    each = 0.1 * np.where(np.arange(size) % 6 < 3, length, 1.0)
-    A, W, P = (
-        rng.normal(size=(4, m, size)),
-        rng.uniform(0.05, 0.8, (4, m, 1)),
-        rng.uniform(0, 6, (4, m, 1)),
-    )
+    A = rng.normal(size=(4, m, size)) * np.where(np.arange(size) % 6 < 3, length, 1.0)
+    W, P = rng.uniform(0.05, 0.8, (4, m, 1)), rng.uniform(0.0, 6.0, (4, m, 1))
+    J, v = tasks(arm, Q, A[0])
+    rates = (np.linalg.pinv(J) @ v[..., None])[..., 0]
+    A *= WISHED / np.median(np.abs(rates).max(axis=1))
     t = DT * np.arange(round(SECONDS / DT))[:, None, None]
-    return np.array(
-        sum(a * np.sin(w * t + p) for a, w, p in zip(A, W, P, strict=True)) * each / 2.0
-    )
+    return np.array(sum(a * np.sin(w * t + p) for a, w, p in zip(A, W, P, strict=True)))
 
 
 def starts(arm: sa.SpaceArm, m: int) -> np.ndarray:
@@ -167,11 +169,12 @@ if __name__ == "__main__":
     print(f"{'':14}{'servo':>8}{'':>9}{'excess':>10}{'off':>10}{'damped':>9}{'':>9}{'halting':>9}")
     for name in sys.argv[2:] or ARMS:
         arm = sa.load(name)
-        Q, twists = starts(arm, runs), wishes(arm, runs)
+        Q = starts(arm, runs)
+        twists = wishes(arm, Q)
         flight, excess, off = led(arm, Q, twists)
         near = np.degrees(flight.closest())
         words = [f"{flight.done / flight.asked:8.0%}{near:8.2f}°{excess:10.0e}{off:10.2%}"]
         for halts in (False, True):
-            other = rival(arm, Q, twists, halts)
+            other = rival(arm, Q[:OTHERS], twists[:, :OTHERS], halts)
             words.append(f"{other.done / other.asked:9.0%}{np.degrees(other.closest()):8.2f}°")
         print(f"{name:14}{''.join(words)}", flush=True)

@@ -9,9 +9,12 @@ Needs `pip install -e '.[test]'`, and chromium for the picture of the browser vi
 from __future__ import annotations
 
 import sys
+from io import BytesIO
 from itertools import product
 from pathlib import Path
 from shutil import which
+from tempfile import TemporaryDirectory
+from zipfile import ZipFile
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -19,6 +22,7 @@ import pinocchio as pin
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from PIL import Image
 from playwright.sync_api import sync_playwright
 
 import spacearm as sa
@@ -199,9 +203,29 @@ def closed_loop() -> Figure:
     return figure
 
 
+def catch() -> None:
+    """A clip: chaser7 catches a box that tumbles."""
+    start = sa.load("chaser7").at([0, 0.6, 0, 1.2, 0, 0.8, 0])
+    debris = sa.Target(
+        sa.Bus(60, size=(0.6, 0.6, 0.8), name="debris"),
+        sa.pose((5.0, 0.25, -0.75), (0.1, 0.2, 0)),
+        twist=(0, 0.002, 0, 0.02, 0.03, 0.02),
+        grapples={"side": sa.pose((-0.35, 0, 0), (0, np.pi / 2, 0))},
+    )
+    viewer = sa.view(sa.catch(start, debris, window=(10, 30), wanted=1), open=False)
+    for layer in ("virtual manipulator", "ellipsoid", "goal", "grid"):
+        viewer.layer(layer, False)
+    with TemporaryDirectory() as folder:
+        archive = viewer.frames(Path(folder) / "catch.zip", (480, 320), per_second=3.0)
+        with ZipFile(archive) as file:
+            first, *others = [Image.open(BytesIO(file.read(name))) for name in file.namelist()]
+    whole = {"save_all": True, "append_images": others, "duration": 100, "loop": 0}
+    first.save(FOLDER / "catch.webp", quality=40, method=6, **whole)
+
+
 PICTURES = (
     singular_posture, distance, closed_loop, map_planar2, workspace_planar2, simulation_planar2,
-    figure_7, plan_planar2, view, construction, payload,
+    figure_7, plan_planar2, view, construction, payload, catch,
 )  # fmt: skip
 
 if __name__ == "__main__":
@@ -212,5 +236,5 @@ if __name__ == "__main__":
         if draw.__name__ in wanted:
             with style():
                 figure = draw()
-                if figure is not None:  # the view writes its own
+                if figure is not None:  # the view and the clip write their own
                     figure.savefig(FOLDER / f"{draw.__name__}.png", dpi=110)

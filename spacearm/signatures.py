@@ -1,12 +1,14 @@
 """Arguments of public functions, methods and constructors, checked against their annotations.
 
 One check for all kinds: what is of another kind, missing or unknown is named with what to give
-instead. Shapes and values are checked where they are used, by `arrays` and `model.joints`.
+instead. Of arrays the shape is checked too, as the docstring states it; shapes and values of all
+else that NumPy makes numbers of are checked where they are used, by `arrays` and `model.joints`.
 """
 
 from __future__ import annotations
 
 import inspect
+import math
 import os
 import re
 import sys
@@ -47,6 +49,8 @@ GIVE = {
     "str": "a text",
 }
 """What to give where an object of a class is wanted."""
+STATED = ("n", "tips")
+"""Letters of shapes in docstrings that the object of a method tells, or its arm."""
 PARTS = ("arm", "configuration", "q")
 """Attributes of an object that may be what is wanted instead of it."""
 MOST_SHOWN = 60
@@ -138,14 +142,23 @@ def check(thing: Callable[..., object], args: Sequence[object], kwargs: Mapping[
         ConfigurationError: One is of a wrong kind, missing or unknown; says what to give.
     """
     name, parameters, hints = _parameters(thing)
+    sizes: dict[str, int] = {}
+    if args and "self" in parameters:
+        owner: Any = args[0]
+        parts = {"n": getattr(owner, "arm", None)}
+        for letter in STATED:
+            size = getattr(owner, letter, getattr(parts.get(letter), letter, None))
+            sizes |= {letter: size} if isinstance(size, int) else {}
     ordered = [p for p in parameters.values() if p.kind is not p.KEYWORD_ONLY]
     for parameter, value in zip(ordered, args, strict=False):
         if parameter.kind is parameter.VAR_POSITIONAL:
             break
         _require(thing, name, parameter.name, value, hints)
+        _require_shape(thing, name, parameter.name, value, hints, sizes)
     for key, value in kwargs.items():
         if key in parameters and parameters[key].kind is not inspect.Parameter.VAR_KEYWORD:
             _require(thing, name, key, value, hints)
+            _require_shape(thing, name, key, value, hints, sizes)
         elif not any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
             raise ConfigurationError(_no_such(name, key, parameters, hints))
     if len(args) > len(ordered) and not any(p.kind is p.VAR_POSITIONAL for p in ordered):
@@ -217,6 +230,51 @@ def _require(
     raise ConfigurationError(f"{of}: {name} is {shown(value)}; give {instead}{_told(thing, name)}")
 
 
+def _require_shape(
+    thing: Callable[..., object],
+    of: str,
+    name: str,
+    value: object,
+    hints: Mapping[str, Hint],
+    sizes: dict[str, int],
+) -> None:
+    """Raise the error for an array whose shape is not what the docstring states.
+
+    Args:
+        thing: What it is given to.
+        of: Its name for messages.
+        name: Name of the argument.
+        value: Its value.
+        hints: The annotations.
+        sizes: What letters stand for, as far as it is known; those of this array are added.
+    """
+    stated, origin = _stated(thing, name), get_origin(hints.get(name))
+    if not stated or not isinstance(value, np.ndarray) or origin != np.ndarray:
+        return
+    many = "..." in stated
+    tail = stated[stated.index("...") + 1 :] if many else stated
+    wrong = value.ndim < len(tail) if many else value.ndim != len(tail)
+    for token, size in zip(reversed(tail), reversed(value.shape), strict=False):
+        factors = [int(word) if word.isdigit() else sizes.get(word) for word in token.split()]
+        if None not in factors:
+            wrong |= math.prod(x for x in factors if x is not None) != size
+        elif token.isidentifier():
+            sizes[token] = size
+    if wrong:
+        raise ConfigurationError(
+            f"{of}: {name} is an array of shape {value.shape}; give ({', '.join(stated)})"
+            f"{_told(thing, name)}"
+        )
+
+
+@cache
+def _stated(thing: Callable[..., object], name: str) -> tuple[str, ...]:
+    """Return the shape that the docstring states of an argument: numbers, letters, products."""
+    entry = rf"^ +{name}: \(([^()]*,[^()]*)\)(?! or)"
+    found = re.search(entry, inspect.getdoc(thing) or "", re.MULTILINE)
+    return tuple(filter(None, map(str.strip, found[1].split(",")))) if found else ()
+
+
 def fits(value: object, hint: Hint) -> bool:
     """Tell whether a value is of the kind that an annotation says."""
     if isinstance(hint, TypeVar):
@@ -232,11 +290,11 @@ def fits(value: object, hint: Hint) -> bool:
     if origin is Numbers:
         return are_numbers(value)
     if origin is np.ndarray:
-        return isinstance(value, np.ndarray) and value.dtype.kind in "biufc"
+        return isinstance(value, np.ndarray) and value.dtype.kind in "biuf"
     if origin in (int, float):
         kind = Integral if origin is int else Real
         whole = isinstance(value, kind) and not isinstance(value, bool)
-        return whole or (getattr(value, "ndim", 1) == 0 and are_numbers(value))
+        return whole or (origin is float and getattr(value, "ndim", 1) == 0 and are_numbers(value))
     if origin is bool:
         return isinstance(value, bool | np.bool_)
     if origin is Callable:
@@ -245,6 +303,8 @@ def fits(value: object, hint: Hint) -> bool:
         return all(hasattr(value, name) for name in vars(origin) if name[0] != "_")
     if not isinstance(origin, type) or origin in (Any, object, Unseen):
         return True
+    if isinstance(value, np.ndarray) and not value.ndim and issubclass(origin, Iterable):
+        return False
     if origin is tuple and isinstance(value, list | np.ndarray):
         value = tuple(value)
     if isinstance(value, np.ndarray) and value.ndim and issubclass(list, origin):

@@ -49,6 +49,10 @@ COMMANDS = {
         "boxes.find_box",
         "Find joint ranges about a posture or a motion in which no posture is singular, proven.",
     ),
+    "boxes": (
+        "boxes.cover_by_boxes",
+        "Cover regular postures by joint ranges without singular posture, and find ways through.",
+    ),
     "path": (
         "queries.check_path",
         "Prove that straight joint motions from posture to posture meet no singularity.",
@@ -92,6 +96,10 @@ COMMANDS = {
     "catch": (
         "missions.find_catch",
         "Find when and how the arm catches a tumbling target, with its velocity, and brakes it.",
+    ),
+    "identify": (
+        "missions.identify_held",
+        "Identify what the hand holds from measured rates: mass, CM and inertia.",
     ),
     "reaction": (
         "missions.report_reaction",

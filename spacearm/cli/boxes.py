@@ -1,4 +1,4 @@
-"""`spacearm box`: joint ranges in which no posture is singular."""
+"""`spacearm box` and `spacearm boxes`: joint ranges in which no posture is singular."""
 
 from __future__ import annotations
 
@@ -8,21 +8,28 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from spacearm.arrays import Array
 from spacearm.cli.options import (
     AsJson,
     JointValues,
     NoLimits,
+    Picture,
     Spacecraft,
     SpacecraftMode,
     configuration,
+    joint_values,
+    numbers,
     on_a_model,
     radians,
     to_write,
 )
-from spacearm.cli.output import out, print_result, working
+from spacearm.cli.output import answer, kept, out, print_description, print_result, working
 from spacearm.errors import ConfigurationError
+from spacearm.files import write
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
+from spacearm.results import Description, Table, joint_measures
+from spacearm.singularities.box_graph import MOST, SHARE, FreeBoxes, free_boxes
 from spacearm.singularities.joint_boxes import free_box
 
 
@@ -66,13 +73,12 @@ def find_box(
     if motion is not None and q:
         raise ConfigurationError("joint values and --motion are both given; give one of them")
     about = configuration(arm, q, None, deg) if motion is None else Motion.load(motion, arm)
-    everywhere = np.full(arm.n, -np.inf), np.full(arm.n, np.inf)
     with working("proving") as progress:
         box = free_box(
             about,
             joints=widest or (),
             at_least=radians(at_least, deg),
-            within=everywhere if no_limits else None,
+            within=_everywhere(arm) if no_limits else None,
             clearance=radians(clearance, deg) or 0.0,
             mode=mode.value,
             progress=progress,
@@ -81,3 +87,85 @@ def find_box(
     for path in (save and box.save(save), urdf and arm.limited(box.ranges).to_urdf(urdf)):
         if path and not as_json:
             out.print(f"wrote {path}")
+
+
+@on_a_model
+def cover_by_boxes(
+    arm: SpaceArm,
+    q: JointValues = None,
+    to: Annotated[
+        str | None,
+        typer.Option(
+            help="Find a way through the boxes from the joint values given to these.",
+            metavar="Q1,Q2,...",
+        ),
+    ] = None,
+    way: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write this way to a CSV file [rad], [m]; `spacearm path` takes it.",
+            metavar="CSV",
+            callback=to_write,
+        ),
+    ] = None,
+    share: Annotated[
+        float, typer.Option(help="Share of the joint range to cover, up to 1.")
+    ] = SHARE,
+    most: Annotated[int, typer.Option(help="Largest number of cells, halved ones too.")] = MOST,
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write the boxes to this file; if it is there, go on from what it holds.",
+            metavar="NPZ",
+            callback=to_write,
+        ),
+    ] = None,
+    no_limits: NoLimits = False,
+    mode: SpacecraftMode = Spacecraft.FREE,
+    output: Picture = None,
+    deg: bool = False,
+    as_json: AsJson = False,
+) -> int:
+    """Cover regular postures by joint ranges without singular posture, and find ways through.
+
+    All is proven, rounding included. Ctrl-C keeps what is covered.
+    """
+    if (to is None) != (not q) or (way and to is None):
+        raise ConfigurationError("give joint values and --to for a way, --way to write it")
+    ends = []
+    if q and to:
+        ends = [joint_values(arm, x, deg) for x in (q, numbers("--to", to).tolist())]
+    so_far = FreeBoxes.load(keep, arm, mode.value) if keep and keep.exists() else None
+    within = _everywhere(arm) if no_limits else None
+    found, code = kept(
+        "covering",
+        lambda progress: free_boxes(
+            arm,
+            within=within,
+            share=share,
+            most=most,
+            so_far=so_far,
+            mode=mode.value,
+            progress=progress,
+        ),
+    )
+    written = [found.save(keep)] if keep else []
+    rows = found.path(*ends) if ends else None
+    told = {} if rows is None else {"way": rows.tolist()}
+    answer(arm, found, "boxes", deg=deg, as_json=as_json, output=output, told=told)
+    if rows is not None and not as_json:
+        postures = {f"posture {i}": joint_measures(x, arm.slides) for i, x in enumerate(rows, 1)}
+        table = Table.by_columns({"joint": arm.joint_names, **postures})
+        print_description(Description(title="Way through the boxes, proven", tables=[table]), deg)
+    if rows is not None and way:
+        head = f"# joint positions [rad], [m]: {' '.join(arm.joint_names)}"
+        lines = [",".join(map(repr, row)) for row in rows.tolist()]
+        written.append(write(way, "\n".join([head, *lines, ""]).encode()))
+    for path in () if as_json else written:
+        out.print(f"wrote {path}")
+    return code
+
+
+def _everywhere(arm: SpaceArm) -> tuple[Array, Array]:
+    """Return the range without joint limits."""
+    return np.full(arm.n, -np.inf), np.full(arm.n, np.inf)

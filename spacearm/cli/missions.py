@@ -1,4 +1,4 @@
-"""`spacearm attitudes`, `catch`, `reaction`, `wheels`, `report`: what mission designers ask."""
+"""Questions of missions: attitudes, catches, what is held, reactions, wheels, and the report."""
 
 from __future__ import annotations
 
@@ -35,12 +35,14 @@ from spacearm.cli.questions import (
     target_of,
 )
 from spacearm.cli.wording import NUMBER, join_numbers
+from spacearm.export.motion_files import read_measured
 from spacearm.mission.attitudes import MARGIN, feasible_attitudes
 from spacearm.mission.catching import catch
 from spacearm.mission.reactions import reaction, size_wheels
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.singularities.risk import NEAR
+from spacearm.uncertainty.identification import identify
 
 
 @on_a_model
@@ -111,36 +113,76 @@ def find_catch(
     grapple: Annotated[
         str | None, typer.Option(help="Grapple frame; any of them by default.")
     ] = None,
-    approach: Annotated[
-        float, typer.Option(help="Distance of the stand-off on the frame's axis [m].")
-    ] = 0.2,
     attitude: Attitude = None,
     more: With = None,
     output: Picture = None,
     save: Save = None,
+    view: View = False,
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Find when and how the arm catches a tumbling target, with its velocity, and brakes it.
 
-    --with gives more of what sa.catch takes: start, closing, touching, wanted, constraints, search.
+    --with gives more of what sa.catch takes: start, approach, closing, touching, wanted,
+    constraints, search.
     """
-    asked = question(more, "start", "closing", "touching", "wanted", "constraints", "search")
+    asked = question(
+        more, "start", "approach", "closing", "touching", "wanted", "constraints", "search"
+    )
     start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
     early, late = numbers("--window", window, 2).tolist()
-    rest = {k: v for k, v in asked.values.items() if k in ("closing", "touching", "wanted")}
-    with working("trying contacts") as progress:
+    rest = {
+        k: v for k, v in asked.values.items() if k in ("approach", "closing", "touching", "wanted")
+    }
+    with working("trying contacts", searches=True) as progress:
         found = catch(
             start,
             target_of(target),
             grapple,
             window=(early, late),
-            approach=approach,
             constraints=constraints_of(asked.inner("constraints")),
             search=search_of(asked.inner("search"), progress),
             **rest,
         )
-    answer(arm, found, "catch", deg=deg, as_json=as_json, save=save, output=output)
+    answer(arm, found, "catch", deg=deg, as_json=as_json, save=save, output=output, view=view)
+
+
+@on_a_model
+def identify_held(
+    arm: SpaceArm,
+    motion: Annotated[
+        Path,
+        typer.Option(
+            help="What was measured: a table (CSV) headed as by sa.write_motion, with 't [s]', "
+            "'q JOINT [rad]' and 'base x [m]' to 'base qw [1]', better with 'dq JOINT [rad/s]' "
+            "and 'twist vx [m/s]' to 'twist wz [rad/s]' too; or a motion that --save wrote.",
+            metavar="CSV|NPZ",
+        ),
+    ],
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            help="Standard deviations of the spacecraft's velocity [m/s] and angular velocity "
+            "[rad/s], and of joint rates; found from the residuals by default.",
+            metavar="V,W,DQ",
+        ),
+    ] = None,
+    output: Picture = None,
+    deg: bool = False,
+    as_json: AsJson = False,
+) -> None:
+    """Identify what the hand holds from measured rates: mass, CM and inertia.
+
+    The arm is given without what it holds.
+    """
+    dq, twist = None, None
+    if motion.suffix == ".csv":
+        measured, dq, twist = read_measured(motion, arm)
+    else:
+        measured = Motion.load(motion, arm)
+    sizes = None if noise is None else numbers("--noise", noise, 3)
+    found = identify(measured, arm, dq=dq, twist=twist, noise=sizes)
+    answer(arm, found, "identified", deg=deg, as_json=as_json, output=output)
 
 
 @on_a_model

@@ -20,6 +20,7 @@ from rich.progress import (
     BarColumn,
     Progress,
     ProgressColumn,
+    Task,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -74,7 +75,9 @@ STYLES: Mapping[Tone, str] = {
 
 
 @contextmanager
-def working(what: str, *more: ProgressColumn) -> Iterator[Callable[[float, float], None]]:
+def working(
+    what: str, *more: ProgressColumn, searches: bool = False
+) -> Iterator[Callable[[float, float], None]]:
     """Show on stderr what goes on, for how long and, where it is reported, how long it still takes.
 
     A terminal gets a bar, anything else a line after two seconds and every ten.
@@ -82,13 +85,15 @@ def working(what: str, *more: ProgressColumn) -> Iterator[Callable[[float, float
     Args:
         what: What goes on, as in "planning".
         *more: More columns of the bar.
+        searches: Whether what is reported is the time of a search that may end at any moment: then
+            it takes at most what is left of it.
 
     Yields:
         Takes what is done and how much there is.
     """
     columns = (
         TextColumn("{task.description}"), BarColumn(), *more, TimeElapsedColumn(),
-        TextColumn("left:"), TimeRemainingColumn(),
+        TextColumn("at most:" if searches else "left:"), TimeRemainingColumn(),
     )  # fmt: skip
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
         task = bar.add_task(what, total=None)
@@ -97,7 +102,7 @@ def working(what: str, *more: ProgressColumn) -> Iterator[Callable[[float, float
         def tell() -> None:
             wait = FIRST
             while not over.wait(wait):
-                err.print(f"spacearm: {what}: {_so_far(bar.tasks[0].percentage, since)}")
+                err.print(f"spacearm: {what}: {_so_far(bar.tasks[0], since, searches)}")
                 wait = EVERY
 
         thread = threading.Thread(target=tell, daemon=True)
@@ -132,11 +137,13 @@ def say_stopped(what: str) -> None:
     err.print(f"spacearm: stopped: {what}; what there is is kept")
 
 
-def _so_far(percentage: float, since: float) -> str:
+def _so_far(task: Task, since: float, searches: bool) -> str:
     """Return how far something is, and how long it still takes if that is known."""
-    took = time.monotonic() - since
-    if percentage <= 0.0:
+    took, percentage = time.monotonic() - since, task.percentage
+    if percentage <= 0.0 or task.total is None:
         return f"{took:.0f} s so far"
+    if searches:
+        return f"{took:.0f} s so far, at most {task.total - task.completed:.0f} s more"
     return f"{percentage:.0f} %, about {took * (100.0 / percentage - 1.0):.0f} s left"
 
 

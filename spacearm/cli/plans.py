@@ -123,7 +123,7 @@ def _command(solve: Callable[..., Plan], summary: str, *more_keys: str) -> Calla
         kept = obstacles_of(constraints.obstacles, arm)
         constraints = replace(constraints, obstacles=(*kept, *around))
         try:
-            with working("planning") as progress:
+            with working("planning", searches=True) as progress:
                 found = solve(
                     start,
                     target,

@@ -45,6 +45,10 @@ def view_configuration(
             metavar="NPZ|MODE",
         ),
     ] = None,
+    fly: Annotated[
+        bool,
+        typer.Option("--fly", help="Begin with the tip led by keyboard or gamepad."),
+    ] = False,
     port: Annotated[
         int | None,
         typer.Option(help="Port of the page; by default the first free one from 7400 on."),
@@ -62,18 +66,11 @@ def view_configuration(
         Path | None,
         typer.Option(help="Write a picture and exit.", metavar="PNG", callback=to_write),
     ] = None,
-    frames: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write pictures of the motion, 30 a second, and exit.",
-            metavar="ZIP",
-            callback=to_write,
-        ),
-    ] = None,
     video: Annotated[
         Path | None,
         typer.Option(
-            help="Write a video of the motion and exit; its name ends in .mp4, .webm or .gif.",
+            help="Write a video of the motion and exit: .mp4, .webm or .gif; or .zip of pictures, "
+            "30 a second.",
             metavar="FILE",
             callback=to_write,
         ),
@@ -95,18 +92,19 @@ def view_configuration(
         else:
             start = joint_values(arm, q, deg) if q else opening_posture(arm)
             viewer = show(arm.at(start, base=spacecraft_pose(attitude, deg)), open=False)
+    viewer.session.fly = fly
     if save:
         out.print(f"wrote {viewer.save(save)}")
     if png:
         out.print(f"wrote {viewer.png(png)}")
-    if frames:
+    if video and video.suffix == ".zip":
         with working("pictures") as progress:
-            viewer.frames(frames, progress=progress)
-        out.print(f"wrote {frames}")
-    if video:
+            viewer.frames(video, progress=progress)
+        out.print(f"wrote {video}")
+    elif video:
         with working("video") as progress:
             viewer.video(video, progress=progress)
         out.print(f"wrote {video}")
-    if save or png or frames or video:
+    if save or png or video:
         return
     serve_until_interrupted(viewer, port, no_open)

@@ -30,6 +30,8 @@ OPTIONS: dict[str, str | Callable[[re.Match[str]], str]] = {
     r"\bsa\.risk_profile\b": "spacearm risk",
     r"\bsa\.(workspace|plan|detumble|simulate|query|capture|mount)\b": r"spacearm \1",
     r" \(sa\.Joints\)": "",
+    r"write its quantities for other programs by to_xarray\(\)\.to_netcdf\(path\)": "print its "
+    "quantities for other programs by --json",
 }
 """What messages name in the words of Python, and the options that do the same."""
 VECTORS = ("--target", "--goal", "--corner")

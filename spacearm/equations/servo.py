@@ -45,9 +45,10 @@ KEPT, SCOUTS = 3, 2
 SLOTS = KEPT + SCOUTS
 PATIENCE, SEARCH = 12, 60
 """Ticks until a scout sets out again, and until motion begins after nothing was known."""
-ON, AT_REST, APART, STRIDE, ALONG = 0.01, 0.05, 0.05, 0.4, 0.7
-"""Residual up to which a posture is singular, step below which a scout is at rest, distance below
-which two are one, longest step [rad]; share of the way along the set that each tick takes."""
+ON, OFF, AT_REST, APART, STRIDE, ALONG = 0.01, 0.1, 0.05, 0.05, 0.4, 0.7
+"""Residual up to which a scout is on the set, beyond which a posture that is followed has lost it,
+step below which a scout is at rest, distance below which two are one, longest step [rad]; share of
+the way along the set that each tick takes."""
 BEYOND, WITHIN = 1.2, 1.5
 """Scouts set out within this times the distance, and no farther than that [rad]."""
 EDGE = 0.02
@@ -64,7 +65,7 @@ UNIT_LENGTH = 1e-3
 """How far the square of a quaternion may be from 1."""
 JITTER = 2e-3
 """What positions may jump besides twice the largest rates [rad]."""
-CAUSES = ("lost direction", "approach", "position", "stopping distance", "rate", "wheels",
+CAUSES = ("lost direction", "approach", "rate", "wheels", "position", "stopping distance",
           "acceleration")  # fmt: skip
 """What slows a motion, in the order of `Tick.shares`."""
 HALTS = ("", "q", "quaternion", "twist", "dt", "momentum", "jump", "search")
@@ -306,9 +307,9 @@ def step(
         return _shares(xp, y, x, known, turned, tick, limits)
 
     shares = allowed(y)
-    scaled = y * _extreme(xp.minimum, shares)
+    scaled = y * _whole(xp, shares)
     brake, by, goes = _accelerated(xp, scaled, last, tick, limits)
-    mixed = xp.where(_extreme(xp.minimum, allowed(goes)) >= 1.0 - 1e-9, goes, brake)
+    mixed = xp.where(_whole(xp, allowed(goes)) >= 1.0 - 1e-9, goes, brake)
     rates = xp.where(halt > 0.0, brake, mixed)
     kept = _share(xp, (asked * y).sum(), (asked * asked).sum())
     done = _share(xp, (v * (J @ rates)).sum(), (v * v).sum())
@@ -349,7 +350,7 @@ def _follow(
     """Take a step with all postures that are followed; scouts set out, or take a place."""
     found = [follow(memory.points[i]) for i in range(SLOTS)]
     ages = [xp.where(fresh, 1.0 + PATIENCE, memory.ages[i]) for i in range(SLOTS)]
-    sizes = [_size(xp, one, age) for one, age in zip(found, ages, strict=True)]
+    sizes = [_size(xp, found[i], ages[i], OFF if i < KEPT else ON) for i in range(SLOTS)]
     kept = list(found[:KEPT])
     for i in range(KEPT):  # two that have become one
         same = [_distance(xp, kept[i].point, kept[j].point) < APART for j in range(i)]
@@ -392,9 +393,9 @@ def _follow(
     return known, xp.stack(points), xp.stack(ages)
 
 
-def _size(xp: Any, one: Followed, age: Any) -> Any:
+def _size(xp: Any, one: Followed, age: Any, residual: float) -> Any:
     """Return how far a posture on the set is, inf of one that is not on it or not in use."""
-    on = xp.logical_and(one.far < ON, age < 1.0 + PATIENCE)
+    on = xp.logical_and(one.far < residual, age < 1.0 + PATIENCE)
     return xp.where(on, _norm(xp, one.offset), np.inf)
 
 
@@ -498,10 +499,14 @@ def _held_off(xp: Any, y: Any, one: Followed, limits: Limits) -> Any:
 def _shares(
     xp: Any, y: Any, x: Any, known: list[Followed], turned: Any, dt: Any, limits: Limits
 ) -> Any:
-    """Return the shares (4,) of y with which each of its limits but acceleration is kept.
+    """Return the shares (4,) of y that its limits but acceleration leave; see `_whole`.
 
-    An arm that brakes in a straight line comes y (dt + T / 2) far, T the time that it takes.
+    Those of position and stopping distance are of what rates and wheels leave. An arm that brakes
+    in a straight line comes y (dt + T / 2) far, T the time that it takes.
     """
+    rate = _at_most(xp, _extreme(xp.maximum, xp.absolute(y) / limits.rate), 1.0)
+    wheels = _at_most(xp, _norm(xp, turned @ y) * rate, limits.wheels)
+    y = y * (rate * wheels)
     size, time = _norm(xp, y), _extreme(xp.maximum, xp.absolute(y) / limits.acceleration)
 
     def reaches(way: Any, rate: Any) -> Any:
@@ -512,11 +517,11 @@ def _shares(
         share = 2.0 * length / xp.where(root > 0.0, root, 1.0)
         return xp.where(there, xp.minimum(share, 1.0), 1.0)
 
-    position = _extreme(xp.minimum, [
+    ends = [
         reaches(xp.where(y[j] > 0.0, limits.upper[j] - x[j], x[j] - limits.lower[j]),
                 xp.absolute(y[j]))
         for j in range(len(x))
-    ])  # fmt: skip
+    ]  # fmt: skip
     stopping = 1.0 + 0.0 * size
     for one in known:
         near = one.far < np.inf
@@ -527,13 +532,18 @@ def _shares(
         way = xp.where(towards > 0.0, 2.0 * room / xp.where(towards > 0.0, towards + root, 1.0),
                        limits.stop * (root - towards))  # fmt: skip
         stopping = xp.where(near, xp.minimum(stopping, reaches(way, size)), stopping)
-    excess = _extreme(xp.maximum, xp.absolute(y) / limits.rate)
-    spun = _norm(xp, turned @ y)
-    wheels = limits.wheels / xp.where(spun > 0.0, spun, 1.0)
-    return xp.stack([
-        position, stopping, xp.where(excess > 1.0, 1.0 / xp.where(excess > 1.0, excess, 1.0), 1.0),
-        xp.where(spun > 0.0, xp.minimum(wheels, 1.0), 1.0),
-    ])  # fmt: skip
+    return xp.stack([rate, wheels, _extreme(xp.minimum, ends), stopping])
+
+
+def _whole(xp: Any, shares: Any) -> Any:
+    """Return the share that all limits of `_shares` leave together."""
+    return shares[0] * shares[1] * xp.minimum(shares[2], shares[3])
+
+
+def _at_most(xp: Any, value: Any, most: Any) -> Any:
+    """Return the share of a value that is at most so much."""
+    over = value > most
+    return xp.where(over, most / xp.where(over, value, 1.0), 1.0)
 
 
 def _accelerated(xp: Any, y: Any, last: Any, dt: Any, limits: Limits) -> tuple[Any, Any, Any]:

@@ -12,8 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from spacearm.errors import ConfigurationError, UnsupportedError, imported, unknown
+from spacearm.arrays import Array
+from spacearm.errors import ConfigurationError, UnsupportedError, imported, listed, unknown
 from spacearm.files import write, write_folder
+from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.signatures import checked
 
@@ -86,6 +88,47 @@ def _csv(motion: Motion) -> bytes:
     text.write(",".join(heads) + "\n")
     np.savetxt(text, np.column_stack(columns), fmt="%.17g", delimiter=",")
     return text.getvalue().encode()
+
+
+def read_measured(path: Path, arm: SpaceArm) -> tuple[Motion, Array | None, Array | None]:
+    """Read what was measured of an arm from a table with the heads that `write_motion` writes.
+
+    Args:
+        path: The table, CSV. Other columns than these are left alone.
+        arm: The arm.
+
+    Returns:
+        The motion, of columns "t", "q JOINT" and "base x" to "base qw"; joint rates (m, n), of
+        "dq JOINT", and twists (m, 6), of "twist vx" to "twist wz", where there are such columns.
+
+    Raises:
+        ConfigurationError: The file is no such table, or a column is missing or in other units.
+    """
+    try:
+        first, *lines = path.read_text(encoding="utf-8-sig").splitlines()
+        values = np.array([[float(x) for x in line.split(",")] for line in lines if line.strip()])
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"{path} is no table of numbers below one line: {error}") from None
+    heads = [head.strip() for head in first.split(",")]
+    if values.ndim != 2 or values.shape[1] != len(heads):
+        raise ConfigurationError(f"{path} has lines of other lengths than its {len(heads)} heads")
+    slides = ["m" if slide else "rad" for slide in arm.slides]
+    names = [name.replace(",", "_") for name in arm.joint_names]
+    pose = [*(f"base {x} [m]" for x in "xyz"), *(f"base q{x} [1]" for x in "xyzw")]
+    twist = [*(f"twist v{x} [m/s]" for x in "xyz"), *(f"twist w{x} [rad/s]" for x in "xyz")]
+    joints = [[f"{what} {name} [{unit}{per}]" for name, unit in zip(names, slides, strict=True)]
+              for what, per in (("q", ""), ("dq", "/s"))]  # fmt: skip
+
+    def columns(wanted: list[str]) -> Array:
+        if missing := [head for head in wanted if head not in heads]:
+            raise ConfigurationError(f"{path} has no column {missing[0]!r}; it has {listed(heads)}")
+        return values[:, [heads.index(head) for head in wanted]]
+
+    def given(wanted: list[str]) -> Array | None:
+        return columns(wanted) if any(head in heads for head in wanted) else None
+
+    motion = Motion(arm, columns(["t [s]"])[:, 0], columns(joints[0]), columns(pose))
+    return motion, given(joints[1]), given(twist)
 
 
 def _columns(motion: Motion, kind: str, unit: str, size: int) -> list[str]:

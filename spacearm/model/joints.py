@@ -78,7 +78,11 @@ class JointSpace:
         return "m" if self.slides.all() else "rad and m" if self.slides.any() else "rad"
 
     def in_words(self, q: Array) -> str:
-        """Return joint positions (n,) for people: angles in degrees, displacements in metres."""
+        """Return joint positions for people: angles in degrees, displacements in metres.
+
+        Args:
+            q: (n,) joint positions [rad] or [m].
+        """
         words = (
             f"{x:.4g} m" if slides else f"{np.degrees(x):.4g}°"
             for x, slides in zip(q, self.slides, strict=True)

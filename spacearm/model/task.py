@@ -153,17 +153,21 @@ class Task:
         """Return the task's rows of a Jacobian, along the task axes, scaled.
 
         Args:
-            J: (..., 6, n) Jacobian, rows [linear; angular], inertial axes; (..., 6 tips, n) for
-                several tips, stacked.
+            J: (..., 6 tips, m) Jacobian, rows [linear; angular] of each tip, inertial axes.
             R: (3, 3) spacecraft attitude.
 
         Returns:
-            (..., k, n) task Jacobian; linear rows in [m], or divided by `length` if mixed.
+            (..., k, m) task Jacobian; linear rows in [m], or divided by `length` if mixed.
         """
         return self.scale * self.components(J, self.axes(R))
 
     def components(self, J: Array, axes: Array) -> Array:
-        """Return the task's rows (..., k, n) of a Jacobian along axes (3, 3), unscaled."""
+        """Return the task's rows (..., k, m) of a Jacobian, unscaled.
+
+        Args:
+            J: (..., 6 tips, m) Jacobian, inertial axes.
+            axes: (3, 3) columns: the axes along which the rows are taken.
+        """
         turned = axes.T @ J.reshape(*J.shape[:-2], 2 * self.tips, 3, J.shape[-1])
         return turned.reshape(J.shape)[..., self.indices, :]
 

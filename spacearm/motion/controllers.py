@@ -209,11 +209,17 @@ class DampedLeastSquares(RateLaw):
         return self.damped_rates(t, cfg, self.jacobian(cfg))
 
     def damped_rates(self, t: float, cfg: Configuration, J: Array) -> Array:
-        """Return the damped rates (m,) for a Jacobian (k, m) of the task."""
-        wanted = self.scaled(cfg, self.wanted(t, cfg))
-        return _by_numbers(damped_rates, self.scaled(cfg, J), wanted, self.damping, self.threshold)
+        """Return the damped rates (m,) for a Jacobian of the task.
 
-    def scaled(self, cfg: Configuration, rows: Array) -> Array:
+        Args:
+            t: The time [s].
+            cfg: Where the arm is.
+            J: (k, m) its rows along the task axes.
+        """
+        wanted = self._scaled(cfg, self.wanted(t, cfg))
+        return _by_numbers(damped_rates, self._scaled(cfg, J), wanted, self.damping, self.threshold)
+
+    def _scaled(self, cfg: Configuration, rows: Array) -> Array:
         """Return the task's rows (k,) or (k, n), scaled."""
         scale = cfg.arm.task.scale[: len(rows)]
         return (scale if rows.ndim > 1 else scale[:, 0]) * rows
@@ -240,9 +246,9 @@ class Reactionless(DampedLeastSquares):
                 f"every joint motion turns the spacecraft: D_q has rank {rank} and {cfg.arm.name} "
                 f"{n} joints; Reactionless takes more joints than that"
             )
-        J, wanted = self.jacobian(cfg), self.scaled(cfg, self.wanted(t, cfg))
+        J, wanted = self.jacobian(cfg), self._scaled(cfg, self.wanted(t, cfg))
         return _by_numbers(
-            reactionless_rates, self.scaled(cfg, J), cfg.A[3:, 6:], rank, NO_INVERSE, wanted,
+            reactionless_rates, self._scaled(cfg, J), cfg.A[3:, 6:], rank, NO_INVERSE, wanted,
             self.damping, self.threshold,
         )  # fmt: skip
 

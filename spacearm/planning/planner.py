@@ -93,8 +93,9 @@ def plan(
         UnsupportedError: The arm has several tips, fewer joints than its task has rows, wheels
             that cannot hold the attitude, or no shapes that obstacles could meet.
         ImpossibleError: It is proven that there is no such motion: det J* changes its sign between
-            start and goal, or the goal is out of reach. A NoSolutionError, too. At zero momentum it
-            says which relaxation was tried and works, as another posture of the same pose.
+            start and goal, for arms of up to three joints whatever the attitude at the end, or the
+            goal is out of reach. A NoSolutionError, too. At zero momentum it says which relaxation
+            was tried and works, as another posture of the same pose.
         NoSolutionError: No motion was found; says which constraint stopped most attempts and what
             to relax, and why every method failed, and carries the best attempt (the start alone,
             where there is no better).
@@ -212,7 +213,7 @@ def connected(
         >>> sa.connected(arm.at([0.3, 1.2]), arm.at([0.3, -1.2])).answer
         'no'
     """
-    from spacearm.planning.problem import parted  # slow to import
+    from spacearm.singularities.sides import parted  # slow to import
 
     arm = start.arm
     if goal.arm is not arm:

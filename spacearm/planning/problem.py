@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
@@ -25,7 +27,7 @@ from spacearm.model.frames import sound_pose
 from spacearm.model.joints import joint_vector
 from spacearm.motion.following import follow
 from spacearm.motion.goal import as_goal, goal_pose, out_of_reach
-from spacearm.planning.account import SearchAccount
+from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.guesses import GuessFinder
 from spacearm.planning.many_curves import turning_axes
 from spacearm.planning.optimiser import ARRIVED, Target
@@ -35,16 +37,20 @@ from spacearm.planning.result import IGNORED, Attempt, Plan, best_attempt
 from spacearm.planning.timing import rest_to_rest_times
 from spacearm.singularities.nearest import NearestSearch, angle, nearest_locally
 from spacearm.singularities.report import NO_INVERSE, TOLERANCE
-from spacearm.singularities.rounding import proven_sign
 from spacearm.singularities.sets import prove_regular, prove_way
+from spacearm.singularities.sides import dividable, on_the_other_side, parted
 
 Rows: TypeAlias = list[Configuration]
 """The configurations along a motion, which is straight in joint space between them."""
 
+SIDE_TIME, SIDE_SEARCHES = 1.0, 100
+"""Time for a look at the sides on which a goal is reached [s], and searches for postures there."""
 WAVES = 3
 """Number of sines of curves and loops."""
 ROUNDING = 1e-12
 """What joints may be beyond their limits [rad] or [m]."""
+MOST_LOOKS = 50_000
+"""Postures looked at to prove that no bodies meet on the splines that are flown."""
 TOGETHER = 100
 """Rows that are walked or proven regular between two looks at the clock."""
 LEAST = float(np.radians(0.1))
@@ -109,9 +115,26 @@ class Problem:
             )
             if q is not None:
                 _check_joints(cfg, q, target)
-            return cls(request, target, ample, bodies_apart(request, target))
+            problem = cls(request, target, ample, bodies_apart(request, target))
+            problem._check_side()
         except NoSolutionError as error:
             raise type(error)(str(error), best_attempt(cfg, error.best)) from None
+        return problem
+
+    def _check_side(self) -> None:
+        """Raise an ImpossibleError if the goal is proven to be on the other side of the set."""
+        tip, target = self.target.tip, self.target
+        if tip is None or self.request.held or not dividable(self.start.arm):
+            return
+        account = SearchAccount(SIDE_TIME)
+        finder = GuessFinder(self.start, target, WAVES, np.random.default_rng(0), account)
+        with suppress(TimeUpError):
+            finder.ends(np.pi, SIDE_SEARCHES)
+        found = account.postures
+        if found["reached"] == found["side"] + found["limits"] and (
+            apart := on_the_other_side(self.start, tip, finder.axes, target.lower, target.upper)
+        ):
+            raise ImpossibleError(f"impossible, proven: {apart}")
 
     @property
     def start(self) -> Configuration:
@@ -292,6 +315,9 @@ def broken_as_flown(found: Plan, request: PlanRequest) -> tuple[str, str] | None
 
     Returns:
         The word of `account.WAYS`, and why.
+
+    Raises:
+        NoSolutionError: The proof that no bodies meet takes too long.
     """
     arm, points, keep = found.arm, found.control_points, request.constraints
     proven, mode = (request.held, HELD) if request.held else (arm, FLOATING)
@@ -305,7 +331,14 @@ def broken_as_flown(found: Plan, request: PlanRequest) -> tuple[str, str] | None
     if keep.limits and over.max() > ROUNDING:
         name = arm.joint_names[int(over.argmax())]
         return "limits", f"between rows joint {name!r} goes {over.max():.2g} beyond its limit"
-    if keep.collisions and (contact := contact_as_flown(found, request.account.check_time)):
+    looks = itertools.count()
+
+    def look() -> None:
+        request.account.check_time()
+        if next(looks) > MOST_LOOKS:
+            raise NoSolutionError("bodies come so near each other that no proof parts them")
+
+    if keep.collisions and (contact := contact_as_flown(found, look)):
         return "contact", f"as flown {contact}"
     return None
 
@@ -401,20 +434,6 @@ def _check_joints(cfg: Configuration, q: Array, target: Target) -> None:
     if apart := parted(cfg, cfg.arm.at(q)):
         raise ImpossibleError(f"impossible, proven: {apart}")
     _check_clear(cfg.arm.at(q), "goal", target.clearance)
-
-
-def parted(start: Configuration, goal: Configuration) -> str:
-    """Return the proof that every joint path between two configurations is singular, or nothing."""
-    if start.arm.n != start.arm.task.k:
-        return ""
-    here, there = (proven_sign(cfg) for cfg in (start, goal))
-    if here * there >= 0:
-        return ""
-    signs = {1: "positive", -1: "negative"}
-    return (
-        f"det J* is {signs[here]} at the start and {signs[there]} at the goal, so that every way "
-        "between them meets a singularity"
-    )
 
 
 def _attitude(cfg: Configuration, attitude: npt.ArrayLike | pin.SE3) -> Array:

@@ -14,14 +14,15 @@ from scipy.interpolate import CubicSpline
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import inverse_dynamics, momentum_and_torque
-from spacearm.mechanics.floating import attitudes, placed, walk
+from spacearm.mechanics.floating import placed
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
+from spacearm.planning.many_curves import FlownRows
 from spacearm.planning.problem import ROUNDING, contact_as_flown
 from spacearm.planning.reactions import Wheels, load_of
-from spacearm.planning.result import Plan, landed
+from spacearm.planning.result import Plan
 from spacearm.planning.strategies.attitude_held import slowed
 from spacearm.planning.timing import corners, for_each_joint, largest_rates
 from spacearm.signatures import checked
@@ -106,16 +107,6 @@ class Limits:
         return float(max(rate, np.sqrt(load)))
 
 
-SHAPES = 3
-"""Number of waves 1 - cos(2 pi k u) by which rows are bent."""
-BENT = 1e-5
-"""Height of a wave by which the turn of the spacecraft is differentiated [rad]."""
-TURNED = 1e-10
-"""Error of the last attitude that is left [rad]."""
-STEPS = 8
-"""Newton steps until then."""
-
-
 def smooth_pieces(q: Array, divided: int) -> list[CubicSpline]:
     """Return twice differentiable curves (n,) through joint positions, from corner to corner.
 
@@ -138,40 +129,6 @@ def _curve(knots: Array) -> CubicSpline:
     """Return a cubic spline through knots (m, n)."""
     length = np.linalg.norm(np.diff(knots, axis=0), axis=1)
     return CubicSpline(np.append(0.0, np.cumsum(length)), knots)
-
-
-def bent(motion: Motion, q: Array) -> Array:
-    """Return rows bent a little so that a floating spacecraft ends with the attitude it had.
-
-    A curve through the rows of a motion turns the spacecraft by a little more or less than the
-    straight lines between them. Smooth waves, zero at both ends, make up for it, so that the
-    tip, too, ends where it did.
-
-    Args:
-        motion: The motion, at zero momentum.
-        q: (m, n) rows along a path near its own, with the same ends.
-    """
-    u = np.linspace(0.0, 2.0 * np.pi, len(q))[:, None, None]
-    waves = (1.0 - np.cos(u * np.arange(1, SHAPES + 1))) * np.ones((motion.arm.n, 1))
-    height = np.zeros((motion.arm.n, SHAPES))
-    last = pin.Quaternion(np.array(motion.base[-1, 3:])).normalized().matrix()
-
-    def rows(height: Array) -> Array:
-        return q + (waves * height).sum(axis=2)
-
-    def left(height: Array) -> Array:
-        return pin.log3(attitudes(motion[0], rows(height))[-1].T @ last)
-
-    miss = left(height)
-    if np.linalg.norm(miss) > TURNED:
-        each = BENT * np.eye(height.size).reshape(-1, *height.shape)
-        slope = np.column_stack([(left(height + one) - miss) / BENT for one in each])
-        for _ in range(STEPS):
-            height = height - np.linalg.lstsq(slope, miss)[0].reshape(height.shape)
-            miss = left(height)
-            if np.linalg.norm(miss) <= TURNED:
-                break
-    return rows(height)
 
 
 AnyMotion = TypeVar("AnyMotion", bound=Motion)
@@ -365,21 +322,28 @@ def _timed(motion: AnyMotion, pieces: list[CubicSpline], along: list[CubicSpline
         times = np.linspace(0.0, s.x[-1], rows + 1)[1:]
         t.append(before + times)
         ways.append(path(np.clip(s(times), 0.0, path.x[-1])))
-    rows = _walked(motion, np.vstack(ways))
+    rows = _walked(motion, np.concatenate(t), np.vstack(ways))
     base = np.array([pin.SE3ToXYZQUAT(cfg.base) for cfg in rows])
     held: dict[str, Any] = {}
     if isinstance(motion, Plan):
         held["momentum"] = np.tile(motion.momentum[0], (len(rows), 1))
         held["wheels"] = np.zeros((len(rows), len(motion.arm.wheels)))
     q = np.array([cfg.q for cfg in rows])
-    return landed(replace(motion, t=np.concatenate(t), q=q, base=base, **held))
+    return replace(motion, t=np.concatenate(t), q=q, base=base, **held)
 
 
-def _walked(motion: Motion, q: Array) -> list[Configuration]:
-    """Return the configurations along joint positions (m, n), the spacecraft as its mode has it."""
+def _walked(motion: Motion, t: Array, q: Array) -> list[Configuration]:
+    """Return the configurations along joint positions (m, n), the spacecraft as its mode has it.
+
+    A floating one turns along the curve a little more or less than along the rows of the motion;
+    the curve is bent so that it ends as it did, and the tip with it.
+    """
     start = motion[0]
     if motion.mode == "free-floating":
-        return walk(start, bent(motion, q))
+        wheels, rest = np.zeros((len(t), len(motion.arm.wheels))), np.zeros(motion.arm.n)
+        flown = FlownRows(start, t, q, wheels, rest)
+        flown = flown.landed({len(t) - 1: motion[-1].base.rotation})
+        return [placed(start, *row) for row in zip(flown.q, flown.attitudes(2.0), strict=True)]
     if motion.mode == "attitude-controlled":
         return [placed(start, row, start.base.rotation) for row in q]
     return [motion.arm.at(row, base=start.base) for row in q]

@@ -3,19 +3,21 @@
 Postures at the goal and others drawn at random are joined by straight joint motions that meet no
 singularity, as in the probabilistic roadmaps of Kavraki, Svestka, Latombe & Overmars, IEEE Trans.
 Robot. Autom. 12(4), 566-580 (1996), DOI 10.1109/70.508439. By the connection (33c) each motion
-turns the spacecraft by a rotation of its own, from whatever attitude it begins. So the turns of all
-triangles through the start, and of all ways from it to the goal by one posture, are products of
-rotations that are computed once. Where the turn of a triangle, repeated, nearly is the one that a
-way lacks, the two together are a guess; the optimiser closes the gap.
+turns the spacecraft by a rotation of its own, from whatever attitude it begins. So the turns of the
+shortest ways from the start to all postures, of all loops that two of these and a piece between
+them make, and of all ways to the goal, are products of rotations that are computed once. Where the
+turn of a loop, repeated, nearly is the one that a way lacks, the two together are a guess; the
+optimiser closes the gap.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -35,6 +37,10 @@ ALONG = np.linspace(0.0, 1.0, 33)[:, None]
 """Shares of a piece at which it is checked for singularities."""
 LOOKED_AT = np.linspace(0.0, 1.0, 9)[1:-1, None]
 """Shares of a piece at which it is looked at for contacts."""
+GROWN = 10
+"""How often ways are sought anew where bodies meet on some of their pieces."""
+FEWEST = 4
+"""Corners of a guess, at least, both ends included."""
 TIMES = (1, 2, 3, 4, 6, 8, 12)
 """Numbers of times that a loop is run through."""
 CELL, SIDE = 0.15, 64
@@ -50,7 +56,8 @@ class Ways(NamedTuple):
     """Ways through postures of the roadmap.
 
     Attributes:
-        nodes: (m, 2) numbers of two of the postures on them.
+        nodes: (m, 2) numbers of the postures at the ends of the piece that they have besides
+            shortest ways from the start.
         turn: (m,) the turns of the spacecraft.
         travel: (m,) joint travel.
         times: (m,) how many times each is run through.
@@ -83,16 +90,13 @@ class Roadmap:
         self._start, self.q = len(ends), np.vstack((ends, finder.start.q, self._others()))
         self._travel, self._turn = self._joined()
         self._apart: dict[tuple[int, int], bool] = {}
-        for i in np.flatnonzero(np.isfinite(self._travel[self._start])):
-            if self._meet(self._start, int(i)):
-                self._travel[self._start, i] = self._travel[i, self._start] = np.inf
+        self._far, self._before, self._turned = self._tree()
 
     def guesses(self) -> Iterator[Guess]:
         """Yield ways that nearly arrive, shortest first.
 
-        But for those from the start, pieces are looked at for contacts of the arm's own bodies only
-        where a way needs them, as in Bohlin & Kavraki's lazy roadmaps, IEEE Int. Conf. Robot.
-        Autom. (2000), 521-528.
+        Pieces are proven free of contacts between bodies of the arm only where a way needs them, as
+        in Bohlin & Kavraki's lazy roadmaps, IEEE Int. Conf. Robot. Autom. (2000), 521-528.
         """
         if not self._start:
             return
@@ -116,11 +120,13 @@ class Roadmap:
         for i in np.argsort(cost, kind="stable"):
             self.finder.account.check_time()
             times = int(loops.times[loop[i]])
-            about = loops.nodes[loop[i]].tolist() if times else []
+            a, b = loops.nodes[loop[i]].tolist()
             by, end = rests.nodes[rest[i]].tolist()
-            pieces = pairwise((self._start, *about, self._start, by, end))
+            about = [*self._way(a), *self._way(b)[::-1]] if times else []
+            there = [*self._way(by), end]
+            pieces = pairwise((self._start, *about, self._start, *there))
             if all(self._free_of_contacts(*piece) for piece in pieces):
-                yield self._guess(self.q[about], times, self.q[[by, end]])
+                yield self._guess(self.q[about], times, self.q[there])
 
     def _ends(self) -> tuple[Rotation, Array]:
         """Return the turns to postures (<= ENDS, n) at the goal, and these."""
@@ -160,36 +166,69 @@ class Roadmap:
         turns[a, b], turns[b, a] = turn.as_quat(), turn.inv().as_quat()
         return travel, turns
 
+    def _tree(self) -> tuple[Array, Indices, Rotation]:
+        """Find the shortest ways from the start on which bodies of the arm are not seen to meet.
+
+        Returns:
+            (N,) joint travel to each posture, infinite where there is no way; (N,) the posture
+            before it on the way; (N,) the turns of the spacecraft until there.
+        """
+        start, seen = self._start, set[tuple[int, int]]()
+        shortest: Any = dijkstra  # its stubs know no two results
+        for _ in range(GROWN):
+            lengths = np.where(np.isfinite(self._travel), self._travel, 0.0)  # zero for no piece
+            far, before = shortest(lengths, indices=start, return_predecessors=True)
+            pieces = {(int(before[i]), int(i)) for i in np.flatnonzero(before >= 0)} - seen
+            met = [piece for piece in sorted(pieces) if self._meet(*piece)]
+            for a, b in met:
+                self._travel[a, b] = self._travel[b, a] = np.inf
+            seen |= pieces
+            if not met:
+                break
+        turned = np.tile([0.0, 0.0, 0.0, 1.0], (len(far), 1))
+        for i in np.argsort(far)[1 : np.isfinite(far).sum()]:
+            turn = Rotation.from_quat(turned[before[i]]) * Rotation.from_quat(
+                self._turn[before[i], i]
+            )
+            turned[i] = turn.as_quat()
+        return far, before, Rotation.from_quat(turned)
+
+    def _way(self, i: int) -> list[int]:
+        """Return the postures on the way from the start to one, the start left out."""
+        way: list[int] = []
+        while i != self._start:
+            way.insert(0, i)
+            i = int(self._before[i])
+        return way
+
     def _loops(self) -> Ways:
-        """Return no loop, and the triangles through the start, run through some times."""
-        from_start = self._travel[self._start]
-        a, b = np.nonzero(np.isfinite(self._travel + from_start + from_start[:, None]))
-        turn = self._turns(self._start, a) * self._turns(a, b) * self._turns(b, self._start)
-        travel = from_start[a] + self._travel[a, b] + from_start[b]
+        """Return no loop, and those by two joined postures, run through some times."""
+        far = self._far
+        a, b = np.nonzero(np.isfinite(self._travel + far + far[:, None]))
+        turn = self._turned[a] * self._turns(a, b) * self._turned[b].inv()
+        travel = far[a] + self._travel[a, b] + far[b]
         k = np.array(TIMES)[:, None]
         wound = (k[:, :, None] * turn.as_rotvec()).reshape(-1, 3)
-        triangles = np.tile(np.column_stack((a, b)), (len(k), 1))
+        loops = np.tile(np.column_stack((a, b)), (len(k), 1))
         return Ways(
-            np.vstack(([[self._start] * 2], triangles)),
+            np.vstack(([[self._start] * 2], loops)),
             Rotation.from_rotvec(np.vstack((np.zeros((1, 3)), wound))),
             np.append(0.0, k * travel),
             np.append(0, np.repeat(TIMES, len(a))),
         )
 
     def _rests(self) -> Ways:
-        """Return ways from the start to the goal, straight or by one posture.
+        """Return ways from the start to the goal: straight from the last posture, or the start.
 
         Their turns are those that must come before, so that the spacecraft ends with the attitude
         that the posture at the goal takes.
         """
-        start, travel = self._start, self._travel.copy()
-        travel[start, start] = 0.0  # straight there
-        by, end = np.nonzero(np.isfinite(travel[:, :start] + travel[start][:, None]))
-        whole = self._turns(start, by) * self._turns(by, end)
+        by, end = np.nonzero(np.isfinite(self._travel[:, : self._start] + self._far[:, None]))
+        whole = self._turned[by] * self._turns(by, end)
         return Ways(
             np.column_stack((by, end)),
             self._needed[end] * whole.inv(),
-            travel[start, by] + travel[by, end],
+            self._far[by] + self._travel[by, end],
             np.ones(len(by), dtype=np.int64),
         )
 
@@ -212,7 +251,7 @@ class Roadmap:
         return self._collisions is not None and any(self._collisions.touch(q) for q in points)
 
     def _guess(self, loop: Array, times: int, rest: Array) -> Guess:
-        """Return a loop by corners (2, n), run through some times, and the rest (2, n) as a guess.
+        """Return a loop by corners (k, n), run through some times, and the rest (m, n) as a guess.
 
         A loop that is run through once is part of the way, so that all its corners can move.
         """
@@ -220,14 +259,21 @@ class Roadmap:
         way = np.vstack((start, *([loop, start] if times == 1 else []), rest))
         kept = np.append(True, np.abs(np.diff(way, axis=0)).max(axis=1) > 0.0)
         way = way[kept] if kept.sum() > 1 else way[[0, -1]]  # a goal where the start is
-        while len(way) < 4:  # as many corners as the loop
-            longest = int(np.abs(np.diff(way, axis=0)).max(axis=1).argmax())
-            way = np.insert(way, longest + 1, way[longest : longest + 2].mean(axis=0), axis=0)
-        closed_ways = [np.vstack((start, loop, start))] if times > 1 else []
-        x = np.concatenate((way[-1:], *map(aside, (way, *closed_ways)))).ravel()
-        pieces = [c[:-1, None] + ALONG * np.diff(c, axis=0)[:, None] for c in (way, *closed_ways)]
-        room = self.finder.free.least_distance(np.concatenate(pieces)).min()
-        return Guess(x, times if times > 1 else 0, float(room), Corners(len(way) - 2))
+        ways = [way, *([np.vstack((start, loop, start))] if times > 1 else [])]
+        size = max(FEWEST, *map(len, ways))
+        ways = [divided(way, size) for way in ways]
+        x = np.concatenate((rest[-1:], *map(aside, ways))).ravel()
+        pieces = [c[:-1, None] + ALONG * np.diff(c, axis=0)[:, None] for c in ways]
+        room = min(self.finder.free.least_distance(piece).min() for piece in pieces)
+        return Guess(x, times if times > 1 else 0, float(room), Corners(size - 2))
+
+
+def divided(way: Array, size: int) -> Array:
+    """Return a way by corners (m, n) with some more, (size, n), in the middle of long pieces."""
+    while len(way) < size:
+        longest = int(np.abs(np.diff(way, axis=0)).max(axis=1).argmax())
+        way = np.insert(way, longest + 1, way[longest : longest + 2].mean(axis=0), axis=0)
+    return way
 
 
 def aside(corners: Array) -> Array:

@@ -267,7 +267,11 @@ class TrigPolynomial(Described):
         return TrigPolynomial(self.along(point, keep)[0], error)
 
     def shifted(self, offset: Array) -> TrigPolynomial:
-        """Return the polynomial q -> f(q + offset)."""
+        """Return the polynomial q -> f(q + offset).
+
+        Args:
+            offset: (n,) angles.
+        """
         waves = [np.exp(1j * self._k(j) * offset[j]) for j in range(self.n)]
         shifted = math.prod(waves, start=self.coefficients)
         return TrigPolynomial(shifted, self.noise(np.abs(offset).max(initial=0.0)))
@@ -416,7 +420,12 @@ class TrigPolynomial(Described):
         return self(centre), change + self.noise(np.abs(centre).max(initial=0.0))
 
     def sign(self, centre: Array, half: Array) -> npt.NDArray[np.int_]:
-        """Certify signs over boxes, as of `enclosure`: +1 or -1 where no root can be, else 0."""
+        """Certify signs over boxes, as of `enclosure`: +1 or -1 where no root can be, else 0.
+
+        Args:
+            centre: (m, n) centres.
+            half: (m, n) half widths.
+        """
         values, change = self.enclosure(centre, half)
         return np.where(np.abs(values) > change, np.sign(values), 0.0).astype(int)
 

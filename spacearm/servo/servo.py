@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, plain, positive
+from spacearm.arrays import Array, plain, positive, shape_of
 from spacearm.equations import servo as ticks
 from spacearm.equations.servo import Frame, Limits, Memory, Seen, Tick, packed, unpacked
 from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
@@ -24,7 +24,7 @@ from spacearm.model.frames import PoseLike
 from spacearm.model.joints import joint_scales
 from spacearm.results import Cell, Description, Measure, Result, Table, joint_measures
 from spacearm.servo.watching import Watched, joint_states, watched
-from spacearm.signatures import checked
+from spacearm.signatures import checked, shown
 from spacearm.singularities.nearest import NearestSearch, angle
 from spacearm.singularities.sets import singular_set
 
@@ -33,8 +33,8 @@ Posture: TypeAlias = Configuration | tuple[npt.ArrayLike, PoseLike]
 AT_REST = np.array([0.0, 0.0, 0.0, 1.0])
 """Attitude of a spacecraft, on which no distance depends."""
 FRAMES = ("inertial", "spacecraft", "tip")
-UNLIMITED = 1e6
-"""Stands for limits that there are not."""
+UNLIMITED, NO_BUDGET = 1e6, 1e30
+"""Stand for limits of joints and of wheels that there are not."""
 STOP, SLOW = float(np.radians(5.0)), float(np.radians(15.0))
 """Distances that are kept, and from which on nothing is slowed [rad]."""
 LONGEST = 0.5
@@ -71,8 +71,8 @@ class ServoStep(Result):
         closing: Rate at which the distance falls [rad/s].
         done: Share of the wished twist that is done, of its task rows.
         slowed: What slows the motion, with the share that it leaves: "lost direction" (that of
-            `lost` alone), "approach" (to the set), "position" and "stopping distance" (from which
-            the arm could not stop any more), "rate", "wheels", "acceleration".
+            `lost` alone), "approach" (to the set), "rate", "wheels", "position" and "stopping
+            distance" (from which the arm could not stop any more), "acceleration".
         halted: Why the arm is brought to rest; empty if it is not.
     """
 
@@ -213,7 +213,7 @@ class Servo:
         self.arm, self.mode, self.frame, self.keep_attitude = arm, mode, frame, keep_attitude
         rate = _limits(arm, described if rates is None else rates, "rates")
         free = np.inf if accelerations is None else accelerations
-        budget = UNLIMITED if wheels is None else positive(wheels, "wheels", "momentum [N m s]")
+        budget = NO_BUDGET if wheels is None else positive(wheels, "wheels", "momentum [N m s]")
         self.limits = Limits(
             np.maximum(arm.lower, -UNLIMITED), np.minimum(arm.upper, UNLIMITED), rate,
             _limits(arm, free, "accelerations"), stop, slow, positive(tau, "tau", "time [s]"),
@@ -258,12 +258,13 @@ class Servo:
         else:
             given, base = posture
             q, turn = _numbers(given, (n,), "q"), _quaternion(base)
-        task = self.arm.task
-        v = np.asarray(twist, dtype=float)
-        if v.shape == (task.k,) != (6 * tips,):
-            v, rows = np.zeros(6 * tips), v
-            v[list(task.indices)] = rows
-        return Seen(q, turn, _numbers(v, (6 * tips,), "twist"), float(dt), momentum)
+        rows = self.arm.task.indices
+        if len(rows) != 6 * tips and shape_of(twist) == (len(rows),):
+            v: Array = np.zeros(6 * tips)
+            v[list(rows)] = _numbers(twist, (len(rows),), "twist")
+        else:
+            v = _numbers(twist, (6 * tips,), "twist")
+        return Seen(q, turn, v, float(dt), momentum)
 
     def start(self, posture: Posture, *, prove: bool = False) -> None:
         """Begin at rest at a posture: search the singular postures about it.
@@ -377,7 +378,9 @@ def _numbers(values: npt.ArrayLike, shape: tuple[int, ...], name: str) -> Array:
     except (TypeError, ValueError):
         found = np.empty(0)
     if found.shape != shape:
-        raise ConfigurationError(f"{name} has shape {found.shape}; give {shape[0]} numbers")
+        raise ConfigurationError(
+            f"{name} is {shown(values, 60)}; give {' x '.join(map(str, shape))} numbers"
+        )
     return found
 
 

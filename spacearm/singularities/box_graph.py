@@ -22,7 +22,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from spacearm.arrays import Array, Progress, whole
-from spacearm.errors import ConfigurationError, NoSolutionError, StoreError
+from spacearm.errors import ConfigurationError, NoSolutionError, StoppedError, StoreError
 from spacearm.files import write
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -268,7 +268,7 @@ class FreeBoxes(Result):
             "lower": self.cells.low[0].tolist(),
             "upper": self.cells.high[0].tolist(),
             "boxes": len(self.boxes),
-            "share": self.share,
+            "covered_share": self.share,
             "endless": [self.arm.joint_names[j] for j in self.endless],
             "part_shares": self.part_shares.tolist(),
         }
@@ -288,7 +288,8 @@ class FreeBoxes(Result):
             f"range, in {len(self.part_shares):,} connected parts: no posture in them is singular, "
             "proven",
             tone="good",
-            tables=[Table.by_columns(columns, f"The largest {len(shares)} parts")],
+            tables=[Table.by_columns(columns, f"The largest {len(shares)} parts")]
+            * bool(len(shares)),
             not_checked="collisions; whether parts are connected by what is not covered",
         )
 
@@ -322,6 +323,7 @@ def free_boxes(
     Raises:
         ConfigurationError: An argument makes no sense.
         UnsupportedError: J* has no minors that a proof could use, as with mimic joints.
+        StoppedError: Ctrl-C; carries the boxes that there are, to go on with.
 
     Example:
         >>> import numpy as np
@@ -348,8 +350,11 @@ def free_boxes(
         raise ConfigurationError("so_far has boxes of another arm or mode; give those of this one")
     else:
         cells, endless = so_far.cells, so_far.endless
-    covered = _covered(minors, cells, joint_scales(arm), share, most, progress)
-    return FreeBoxes(arm, mode, covered, endless)
+    covered, stopped = _covered(minors, cells, joint_scales(arm), share, most, progress)
+    found = FreeBoxes(arm, mode, covered, endless)
+    if stopped:
+        raise StoppedError(f"{100.0 * found.share:.1f} % of the joint range covered", found)
+    return found
 
 
 def _covered(
@@ -359,8 +364,12 @@ def _covered(
     share: float,
     most: int,
     progress: Progress | None,
-) -> Cells:
-    """Halve cells that are not proven free, the largest first, until enough is."""
+) -> tuple[Cells, bool]:
+    """Halve cells that are not proven free, the largest first, until enough is.
+
+    Returns:
+        The cells, and whether Ctrl-C has stopped it.
+    """
     origin = 0.5 * (cells.low[0] + cells.high[0])
     roots = Roots(minors, origin, unit, *((c[0] - origin) / unit for c in cells[:2]))
     size = np.where(cells.high[0] > cells.low[0], cells.high[0] - cells.low[0], 1.0)
@@ -370,31 +379,38 @@ def _covered(
     open_ = np.flatnonzero((cells.child < 0) & ~cells.free)
     sizes, count = volume[open_], len(volume)
     low, high, child, free = _with_room(cells, max(most - count, 0))
-    while open_.size and done < share:
-        order = np.argpartition(-sizes, min(BATCH, open_.size - 1))
-        now, later = order[:BATCH], order[BATCH:]
-        chosen, left, left_sizes = open_[now], open_[later], sizes[later]
-        centre = (0.5 * (low[chosen] + high[chosen]) - origin) / unit
-        half = 0.5 * (high[chosen] - low[chosen]) / unit
-        proven, taken = roots.free(centre, half * (1.0 + ROUNDING))
-        split, along = chosen[~proven], taken[~proven].argmax(axis=1)
-        if count + 2 * len(split) > most:
-            break
-        free[chosen[proven]] = True
-        done += float(sizes[now][proven].sum())
-        if progress:
-            progress(min(count, most), most)
-        first = count + 2 * np.arange(len(split))
-        child[split] = first
-        for s in (0, 1):
-            low[first + s], high[first + s] = low[split], high[split]
-        middle = 0.5 * (low[split, along] + high[split, along])
-        high[first, along] = low[first + 1, along] = middle
-        count += 2 * len(split)
-        open_ = np.concatenate((left, first, first + 1))
-        halves = 0.5 * sizes[now][~proven]
-        sizes = np.concatenate((left_sizes, halves, halves))
-    return Cells(low[:count].copy(), high[:count].copy(), child[:count].copy(), free[:count].copy())
+    stopped = False
+    try:
+        while open_.size and done < share:
+            order = np.argpartition(-sizes, min(BATCH, open_.size - 1))
+            now, later = order[:BATCH], order[BATCH:]
+            chosen, left, left_sizes = open_[now], open_[later], sizes[later]
+            centre = (0.5 * (low[chosen] + high[chosen]) - origin) / unit
+            half = 0.5 * (high[chosen] - low[chosen]) / unit
+            proven, taken = roots.free(centre, half * (1.0 + ROUNDING))
+            split, along = chosen[~proven], taken[~proven].argmax(axis=1)
+            if count + 2 * len(split) > most:
+                break
+            free[chosen[proven]] = True
+            done += float(sizes[now][proven].sum())
+            if progress:
+                progress(min(count, most), most)
+            first = count + 2 * np.arange(len(split))
+            child[split] = first
+            for s in (0, 1):
+                low[first + s], high[first + s] = low[split], high[split]
+            middle = 0.5 * (low[split, along] + high[split, along])
+            high[first, along] = low[first + 1, along] = middle
+            count += 2 * len(split)
+            open_ = np.concatenate((left, first, first + 1))
+            halves = 0.5 * sizes[now][~proven]
+            sizes = np.concatenate((left_sizes, halves, halves))
+    except KeyboardInterrupt:
+        stopped = True
+        child[child >= count] = -1  # halved, but not counted yet
+    rows = np.s_[:count]
+    kept = Cells(low[rows].copy(), high[rows].copy(), child[rows].copy(), free[rows].copy())
+    return kept, stopped
 
 
 def _with_room(cells: Cells, more: int) -> Cells:

@@ -266,7 +266,11 @@ class ExactSet(SingularSet):
         return Q[self.are_singular(Q)] if self.sifted else Q
 
     def are_singular(self, Q: Array) -> npt.NDArray[np.bool_]:
-        """Return which common roots of the minors (m, n) are singular: of one minor all are."""
+        """Return which common roots of the minors are singular: of one minor all are.
+
+        Args:
+            Q: (m, n) the roots.
+        """
         if self.codimension == 1 or not len(Q):
             return np.ones(len(Q), dtype=bool)
         return ~(conditions(self.arm, Q, self.mode) < 1.0 / AT_A_ROOT)

@@ -17,8 +17,9 @@ rigid-body inertia (IEEE Robot. Autom. Lett. 7(2), 2022, DOI 10.1109/LRA.2022.31
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -45,6 +46,8 @@ KNOWN = 0.2
 """Directions known to this share of the body, or better, are excited."""
 ROUNDING = 1e-9
 """Singular values below this share of the largest are rounding."""
+SWEEPS = 30
+"""Most evaluations of the residuals with their derivatives."""
 BALL = 0.1
 """Radius of gyration of the ball that stands in where nothing is known, over the arm's length."""
 LEAST = 1e-2
@@ -84,6 +87,14 @@ class Identified(Result):
     momentum: Array
     misfit: float
     rows: int
+
+    JSON: ClassVar[Mapping[str, str]] = {
+        "mass": "held_mass",
+        "com": "held_com",
+        "inertia": "held_inertia",
+        "parameters": "held_parameters",
+        "rows": "instants",
+    }
 
     @property
     def holding(self) -> SpaceArm:
@@ -320,7 +331,7 @@ def _estimated(arm: SpaceArm, data: _Data, scaled: bool) -> Identified:
         lengths = np.linalg.norm(rows, axis=0)
         lengths = np.maximum(lengths, ROUNDING * lengths.max())
         x = -np.linalg.lstsq(rows / lengths, right, rcond=ROUNDING)[0] / lengths
-    x = least_squares(residual, x, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-15).x
+    x = least_squares(residual, x, x_scale="jac", xtol=1e-9, ftol=1e-9, max_nfev=SWEEPS).x
     off = residual(x)
     misfit = float(np.sqrt(off @ off / (6 * m - 16)))
     rows = (data.roots(x[:10] * size) @ regressor).reshape(-1, 16)

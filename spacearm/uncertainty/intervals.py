@@ -116,8 +116,15 @@ class UncertainArm(Described):
         return np.asarray(low + (high - low) * shares)
 
     def named(self, shares: Array) -> dict[str, float]:
-        """Return the values at shares (p,) by name."""
-        values = self.values(np.asarray(shares)).tolist()
+        """Return the values at shares by name.
+
+        Args:
+            shares: (p,) of the intervals, from 0 to 1.
+
+        Raises:
+            ConfigurationError: There is not one for each parameter.
+        """
+        values = self.values(finite(shares, (len(self.parameters),), "shares")).tolist()
         names = [parameter.name for parameter in self.parameters]
         return dict(zip(names, values, strict=True))
 

@@ -1,7 +1,8 @@
-"""Motions: what a motion is compared with, and what stands beside it as plain data for JSON."""
+"""Motions: flown by hand, compared, and what stands beside them as plain data for JSON."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -11,13 +12,16 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.equations.servo import Frame
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.floating import move, placed
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
+from spacearm.model.joints import joint_scales
 from spacearm.motion.flights import Flight
 from spacearm.motion.motion import Motion, samples
 from spacearm.results import short_names
+from spacearm.servo.servo import Servo, ServoStep
 
 WORDS: dict[BaseMode, str] = {
     "free-floating": "spacecraft floating",
@@ -86,6 +90,61 @@ def moved(cfg: Configuration, q: Array, mode: BaseMode) -> Configuration:
     if mode == "attitude-controlled":
         return placed(cfg, q, cfg.base.rotation)
     return cfg.arm.at(q, base=cfg.base)
+
+
+TICK, PAUSE = 0.02, 0.1
+"""Longest time of a step of a flight by hand, and of what one message flies [s]."""
+RATE, PUSH = 1.0, 4.0
+"""Largest joint rates [rad/s] and accelerations [rad/s^2] of a flight by hand, in radians."""
+
+
+class HandFlight:
+    """A flight of the tip by hand: a servo moves the arm, and its way is kept.
+
+    Args:
+        cfg: Where it begins.
+        mode: What the spacecraft does.
+        frame: Axes of the twists.
+
+    Attributes:
+        cfg: Where the arm is.
+        step: The last step of the servo; None before the first.
+
+    Raises:
+        UnsupportedError: A servo cannot lead the arm.
+    """
+
+    def __init__(self, cfg: Configuration, mode: BaseMode, frame: Frame) -> None:
+        arm, radian = cfg.arm, joint_scales(cfg.arm)
+        speed = np.array([arm.tree.joints[name].velocity for name in arm.joint_names])
+        self.servo = Servo(
+            arm, mode=mode, frame=frame, rates=np.minimum(speed, RATE * radian),
+            accelerations=PUSH * radian,
+        )  # fmt: skip
+        self.servo.start(cfg)
+        self.cfg = cfg
+        self.step: ServoStep | None = None
+        self._way: list[tuple[float, Configuration]] = [(0.0, cfg)]
+
+    def fly(self, twist: Array, seconds: float) -> ServoStep:
+        """Fly so long with a twist (6,) of the tip; return the last step."""
+        t = self._way[-1][0]
+        count = max(1, math.ceil(min(seconds, PAUSE) / TICK))
+        dt = min(seconds, PAUSE) / count
+        for _ in range(count):
+            step = self.servo.step(self.cfg, twist, dt)
+            self.cfg = moved(self.cfg, self.cfg.q + dt * step.rates, self.servo.mode)
+            self.step, t = step, t + dt
+            self._way.append((t, self.cfg))
+        return step
+
+    @property
+    def motion(self) -> Motion | None:
+        """The way so far; None if the arm has not moved."""
+        if not any((cfg.q != self._way[0][1].q).any() for _, cfg in self._way):
+            return None
+        t, cfgs = zip(*self._way, strict=True)
+        return Motion(self.cfg.arm, np.array(t), **samples(list(cfgs)), mode=self.servo.mode)
 
 
 def some(count: int, most: int) -> npt.NDArray[np.int64]:

@@ -17,13 +17,15 @@ from spacearm.errors import ConfigurationError, listed, unknown
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.motion.motion import Motion
 from spacearm.results import short_names
-from spacearm.singularities.nearest import angle
+from spacearm.servo.servo import FRAMES
+from spacearm.singularities.nearest import NearestSingular, angle
 from spacearm.singularities.report import SingularityReport, searched, singularity
 from spacearm.singularities.sets import nearest_on_way
 from spacearm.viewer import readouts
 from spacearm.viewer.choices import Origin, number, numbers, placement
-from spacearm.viewer.motions import mode_named, moved
+from spacearm.viewer.motions import HandFlight, mode_named, moved
 
 MODES = ("posture", "free-floating")
 FARTHEST = 25.0
@@ -47,6 +49,8 @@ class Session:
         note: What the last request did, in one line; empty if there is nothing to say.
         goal: Pose of the tip to plan to; None if there is none.
         blocked: Why the tip did not follow the last pull; empty if it did.
+        flight: The flight by hand that goes on; None if there is none.
+        fly: Whether the page begins with one.
     """
 
     def __init__(self, arm: SpaceArm, cfg: Configuration, origin: Origin | None = None) -> None:
@@ -57,12 +61,15 @@ class Session:
         self.note = ""
         self.blocked = ""
         self.goal: pin.SE3 | None = None
+        self.flight: HandFlight | None = None
+        self.fly = False
         self._grip = 0.0
         self._grabbed: pin.SE3 | None = None
         self._rng = np.random.default_rng(0)
         self._handlers: dict[str, Callable[[dict[str, Any]], None]] = {
             "joint": self._joint,
             "joints": self._joints,
+            "fly": self._fly,
             "grab": self._grab,
             "goal": self._goal,
             "attitude": self._attitude,
@@ -168,6 +175,40 @@ class Session:
         self.blocked = why and f"{why}, while the spacecraft {does}"
         self.show(cfg)
 
+    def _fly(self, message: dict[str, Any]) -> None:
+        """Lead the tip with a twist for some seconds, by the servo, in axes of a frame."""
+        twist, seconds = numbers(message.get("twist"), 6, "twist"), number(message.get("dt"), "dt")
+        frame: Any = message.get("frame")
+        if frame not in FRAMES:
+            raise ConfigurationError(unknown("frame", str(frame)[:40], FRAMES))
+        flight = self.flight
+        if flight is None or flight.cfg is not self.cfg or flight.servo.frame != frame:
+            flight = self.flight = HandFlight(self.cfg, self.spacecraft, frame)
+        step = flight.fly(twist, max(seconds, 0.0))
+        near = None
+        if math.isfinite(step.distance):
+            q = flight.cfg.q
+            far = float(np.linalg.norm((step.nearest - q) / self.report.radian))
+            near = NearestSingular(self.arm, self.spacecraft, q, False, step.nearest, far, 0.0)
+        self.cfg = flight.cfg
+        self.report = searched(singularity(flight.cfg, mode=self.spacecraft), near)
+
+    def landed(self) -> Motion | None:
+        """End the flight by hand; return its motion, None if nothing has moved."""
+        flight, self.flight = self.flight, None
+        return None if flight is None else flight.motion
+
+    def _flown(self) -> dict[str, Any] | None:
+        """Return what the panel shows of the flight by hand."""
+        if self.flight is None or (step := self.flight.step) is None:
+            return None
+        return {
+            "moving": bool(step.rates.any()),
+            "done": step.done,
+            "slowed": step.halted or listed(list(step.slowed)),
+            "lost": step.lost.tolist(),
+        }
+
     def _goal(self, message: dict[str, Any]) -> None:
         """Set the goal of plans: the tip's pose, with a position and an attitude if given."""
         goal = self.cfg.tip.copy()
@@ -222,7 +263,11 @@ class Session:
 
     def about(self) -> dict[str, Any]:
         """Return what the panel needs once: model, task, unit and joints."""
-        return {**readouts.about(self.arm), "joints": readouts.joints(self.arm, *self.range)}
+        return {
+            **readouts.about(self.arm),
+            "joints": readouts.joints(self.arm, *self.range),
+            "fly": self.fly,
+        }
 
     def as_python(self, cfg: Configuration) -> str:
         """Write a configuration of the arm on show as Python code."""
@@ -241,6 +286,7 @@ class Session:
             "note": self.note,
             "blocked": self.blocked,
             "spacecraft": self.spacecraft,
+            "flight": self._flown(),
             "goal": None if self.goal is None else readouts.pose(self.goal),
             **readouts.readout(self.report),
             "python": code,

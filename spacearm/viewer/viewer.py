@@ -410,6 +410,10 @@ class Viewer:
                     return {"poses": stage.poses()}
                 case "motion":
                     return {"motion": self._told_motion()}
+                case "land":
+                    if flown := stage.session.landed():
+                        self._given = None
+                        stage.play(flown)
                 case "arm":
                     self._change_arm(asked)
                 case "map":

@@ -243,6 +243,7 @@ def optimise_mount(
     mode: BaseMode = "free-floating",
     limits: bool = False,
     most: int = 120,
+    progress: Progress | None = None,
 ) -> Mounted:
     """Find the mounting point with the largest path independent workspace.
 
@@ -255,6 +256,8 @@ def optimise_mount(
         mode: See `workspace`.
         limits: See `workspace`.
         most: Largest number of mounting points that the global search tries.
+        progress: Called as progress(done, total) after each mounting point; both searches together
+            try at most about 2 `most`.
 
     Returns:
         The arm at its best mounting point, with its workspace.
@@ -284,6 +287,8 @@ def optimise_mount(
         if key not in tried:
             moved = vary(arm, dict(zip(bounds, key, strict=True)))
             tried[key] = workspace(moved, mode=mode, limits=limits)
+            if progress:
+                progress(len(tried), max(2 * most, len(tried)))
         return -tried[key].volumes["piw"]
 
     box = list(bounds.values())

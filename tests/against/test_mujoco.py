@@ -3,7 +3,10 @@
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from helpers.catching import caught
+from scipy.interpolate import CubicSpline
 
 import spacearm as sa
 
@@ -115,3 +118,69 @@ def test_springs_dampers_and_a_wrench_on_a_link(name, link):
     assert np.abs(run.q[-1] - q0).max() > 0.2
     assert np.linalg.norm(run.momentum[-1]) > 0.5
     check(run, *ends)
+
+
+def replayed(run, path, step=4e-3):
+    """Tip of a run as MuJoCo has it: the exported model, its own integrator, the run's torques."""
+    arm = run.arm
+    spec = mujoco.MjSpec.from_file(str(sa.to_mjcf(arm, path)))
+    spec.option.timestep, spec.option.integrator = step, mujoco.mjtIntegrator.mjINT_RK4
+    for flag in ("LIMIT", "CONTACT"):
+        spec.option.disableflags |= getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}")
+    model = spec.compile()
+    data, first = mujoco.MjData(model), run[0]
+    x, y, z, w = run.base[0, 3:]
+    data.qpos[:7], data.qpos[7:] = [*run.base[0, :3], w, x, y, z], run.q[0]
+    twist = sa.base_velocity(first, run.dq[0])
+    data.qvel[:3], data.qvel[3:6] = twist[:3], first.base.rotation.T @ twist[3:]
+    data.qvel[6:] = run.dq[0]
+    torques = CubicSpline(run.t, run.torque)
+
+    def push(_, data):
+        data.qfrc_applied[6:] = torques(min(data.time, run.t[-1]))
+
+    places, steps = [], round(float(run.t[-1]) / step)
+    mujoco.set_mjcb_control(push)
+    try:
+        for i in range(steps + 1):
+            if i % 25 == 0:
+                places.append(tip_of(arm, data))
+            mujoco.mj_step(model, data)
+    finally:
+        mujoco.set_mjcb_control(None)
+    return step * 25 * np.arange(len(places)), np.array(places)
+
+
+def tip_of(arm, data):
+    """Place of the tip for MuJoCo's state."""
+    w, x, y, z = data.qpos[3:7] / np.linalg.norm(data.qpos[3:7])
+    base = pin.XYZQUATToSE3(np.array([*data.qpos[:3], x, y, z, w]))
+    return arm.at(data.qpos[7:], base=base).tip.translation
+
+
+@pytest.mark.slow
+def test_a_catch_is_replayed_from_its_torques(tmp_path):
+    """Approach and braking: MuJoCo's tip is where the flight's is; contact keeps the momentum."""
+    catch = caught()
+    target = catch.target.replace(twist=(0.0, 0.002, 0.0, 0.02, 0.03, 0.02))
+    start = catch.plan[0]
+    catch = sa.catch(start, target, window=(10, 30), wanted=1)
+    fine = sa.Integration(rtol=1e-9, atol=1e-11, dt=0.01)
+    actual = target.scaled(1.2, 0.8)
+    flight = catch.fly(actual, integration=fine)
+    frame, held = actual.at(catch.t), flight.phases[2]
+    there = flight.phases[1][-1].tip * catch.chase[-1].tip.actInv(frame.pose)  # as it is held
+    R, w, v = there.rotation, frame.twist[3:], actual.cm[1]
+    lever = there.act(actual.com) - held[0].com
+    angular = R @ actual.inertia @ R.T @ w + actual.mass * np.cross(lever, v)
+    before = np.append(actual.mass * v, angular)  # the arm has none
+    size = np.linalg.norm(before)
+    for row in (0, -1):
+        np.testing.assert_allclose(held.momentum[row], before, rtol=0, atol=1e-9 * size)
+    for i in (1, 2):  # with the arm alone, and with the target in its hand
+        run = flight.phases[i]
+        t, places = replayed(run, tmp_path / f"{i}.xml")
+        ours = np.array([run.at(float(s)).tip.translation for s in t])
+        moved = np.abs(ours - ours[0]).max()
+        assert moved > 1e-3
+        np.testing.assert_allclose(places, ours, rtol=0, atol=1e-4 * moved)

@@ -1,4 +1,4 @@
-"""`spacearm box`: the same box as in Python, of a posture and of a motion, and its files."""
+"""`spacearm box` and `boxes`: the same as in Python, of postures and motions, and their files."""
 
 import json
 
@@ -49,3 +49,23 @@ def test_what_makes_no_sense_is_said(words, said):
     run = spacearm("box", "planar2", *words)
     assert run.returncode != 0
     assert said in " ".join(run.stderr.split())
+
+
+def test_a_way_through_boxes_is_proven_by_path_and_a_run_goes_on_from_its_file(tmp_path):
+    words = ("boxes", "planar2", "--deg", 20, 60, "--to", "100,50", "--way", "way.csv")
+    run = spacearm(*words, "--keep", "boxes.npz", "--share", 0.9, cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert (tmp_path / "planar2_boxes.png").is_file()
+    way = np.loadtxt(tmp_path / "way.csv", delimiter=",")
+    np.testing.assert_allclose(way[[0, -1]], np.radians([[20, 60], [100, 50]]), atol=1e-12)
+    proof = spacearm("path", "planar2", "way.csv", cwd=tmp_path)
+    assert "meets no singularity: proven" in proof.stdout
+    more = spacearm("boxes", "planar2", "--keep", "boxes.npz", "--json", cwd=tmp_path)
+    arm = sa.load("planar2")
+    kept = sa.FreeBoxes.load(tmp_path / "boxes.npz", arm, "free-floating")
+    assert json.loads(more.stdout)["covered_share"] == kept.share > 0.98
+    other = spacearm("boxes", "mda6", "--keep", "boxes.npz", cwd=tmp_path)
+    assert other.returncode == 2
+    assert "has the boxes of planar2" in other.stderr
+    alone = spacearm("boxes", "planar2", "0.3", "1.2")
+    assert "for a way" in alone.stderr

@@ -237,6 +237,10 @@ def test_what_takes_long_says_so_on_stderr(capsys, monkeypatch):
     lines = capsys.readouterr().err.splitlines()
     assert lines[0].startswith("spacearm: digging: 0 s so far")
     assert "25 %, about" in lines[-1]
+    with working("digging", searches=True) as progress:
+        progress(10.0, 60.0)
+        time.sleep(0.1)
+    assert capsys.readouterr().err.splitlines()[-1].endswith("0 s so far, at most 50 s more")
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ COMMANDS = {
     "query": ("planar2", *CM),
     "nearest": ("planar2", *CM),
     "box": ("planar2", *CM),
+    "boxes": ("planar2", *CM, "--to", "0.5,1.5", "--share", 0.9),
     "path": ("planar2", "run.npz"),
     "map": ("planar2", "--points", 3),
     "workspace": ("planar2", "--free"),
@@ -56,6 +57,7 @@ COMMANDS = {
         'constraints.wheels={"torque": 2.0, "capacity": 9.0}',
     ),
     "attitudes": ("planar2", "--corner", 1.2, 0.6, "--corner", 1.0, 0.9, "--samples", 16),
+    "identify": ("planar2", "--motion", "held.csv"),
     "reaction": ("planar2", "--motion", "run.npz"),
     "wheels": ("planar2", "--motion", "run.npz"),
     "watch": ("planar2", "states.jsonl"),
@@ -106,6 +108,9 @@ def folder(tmp_path_factory):
     sa.Motion(
         sa.load("planar2"), [0.0, 1.0], [[0.3, 0.9], [0.35, 1.0]], np.tile(np.eye(7)[6], (2, 1))
     ).save(here / "run.npz")
+    held = sa.load("planar2").grasp(3.0, 0.4 * np.eye(3), (0.1, 0.2, 0)).at([0.3, 1.2])
+    law, coarse = sa.JointPD([1.0, 0.2], kp=5, kd=5), sa.Integration(dt=0.1)
+    sa.write_motion(sa.simulate(held, law, 5.0, integration=coarse), here / "held.csv")
     text = with_wheels("planar2", (0, 0, 1))
     (here / "corners.csv").write_text("t,x,y\n2,1.2,1.2\n4,1.0,1.1\n", encoding="utf-8")
     (here / "states.jsonl").write_text('{"t": 0.1, "q": [0.3, 1.2]}\n', encoding="utf-8")

@@ -1,5 +1,6 @@
 """`spacearm attitudes`, `reaction`, `wheels` and `report`, as a user calls them."""
 
+import json
 import re
 
 import numpy as np
@@ -58,7 +59,7 @@ def test_a_motion_is_shown_beside_another(tmp_path):
     for words, why in (
         (("--motion", "one.npz", "--compare", "flying"), "flying is no saved motion"),
         (("--compare", "fixed"), "there is no motion to compare; give --motion"),
-        (("--frames", "all.zip"), "there is no motion to take pictures of"),
+        (("--video", "all.zip"), "there is no motion to take pictures of"),
         (("0.1", "0.2", "--motion", "one.npz"), "the motion has its own postures"),
     ):
         run = spacearm("view", "planar2", *words, "--save", "page.html", cwd=tmp_path)
@@ -146,3 +147,25 @@ def test_mistakes_of_a_target_are_named(tmp_path, text, words):
     run = spacearm("catch", "planar2", 0.3, 1.2, "--target", "debris.toml", cwd=tmp_path)
     assert run.returncode == 2
     assert words in run.stderr
+
+
+def test_what_the_hand_holds_is_identified_from_a_table(tmp_path):
+    """Positions, poses, rates and twists as measured; a missing column is named."""
+    arm = sa.load("planar2")
+    start = arm.grasp(3.0, 0.4 * np.eye(3), (0.1, 0.2, 0)).at([0.3, 1.2])
+    law, coarse = sa.JointPD([1.0, 0.2], kp=5, kd=5), sa.Integration(dt=0.1)
+    run = sa.simulate(start, law, 5.0, integration=coarse)
+    twist = [sa.base_velocity(cfg, dq) for cfg, dq in zip(run, run.dq, strict=True)]
+    heads = "t [s],q joint_1 [rad],q joint_2 [rad],dq joint_1 [rad/s],dq joint_2 [rad/s]"
+    heads += "".join(f",base {x} [m]" for x in "xyz") + "".join(f",base q{x} [1]" for x in "xyzw")
+    heads += "".join(f",twist v{x} [m/s]" for x in "xyz")
+    heads += "".join(f",twist w{x} [rad/s]" for x in "xyz")
+    rows = np.column_stack((run.t, run.q, run.dq, run.base, twist))
+    np.savetxt(tmp_path / "held.csv", rows, delimiter=",", header=heads, comments="")
+    said = spacearm("identify", "planar2", "--motion", "held.csv", "--json", cwd=tmp_path)
+    assert said.returncode == 0, said.stderr
+    assert json.loads(said.stdout)["held_mass"] == pytest.approx(3.0, rel=1e-5)
+    np.savetxt(tmp_path / "bad.csv", rows[:, 1:], delimiter=",", header=heads[6:], comments="")
+    bad = spacearm("identify", "planar2", "--motion", "bad.csv", cwd=tmp_path)
+    assert bad.returncode == 2
+    assert "no column 't [s]'" in bad.stderr

@@ -11,8 +11,8 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import spacearm as sa
-from spacearm.description.readers import mjcf as reader
 from spacearm.description.readers import mjcf_bounds
+from spacearm.description.readers import source as limits
 from spacearm.description.shapes import Box, Cylinder, Mesh, Sphere, Unusable
 
 INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
@@ -392,8 +392,8 @@ def test_a_large_file_is_compiled_in_a_process_of_its_own_to_the_same(tmp_path, 
 def test_what_takes_more_than_its_limits_is_refused(tmp_path, monkeypatch, name, most):
     path = tmp_path / "many.xml"
     path.write_text(many_bodies(700), encoding="utf-8")
-    monkeypatch.setattr(reader, name, most)
-    with pytest.raises(sa.ModelError, match="is large, and is not compiled in"):
+    monkeypatch.setattr(limits, name, most)
+    with pytest.raises(sa.ModelError, match="is large, and is not read in"):
         sa.load(path)
 
 

@@ -4,11 +4,14 @@ import os
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers.arms import joint, link
 from lxml import etree
 
 import spacearm as sa
+from spacearm.description.readers import source as limits
+from spacearm.description.readers import xacro as reader
 from spacearm.description.readers.packages import Packages
 from spacearm.description.readers.xacro_expansion import Expansion
 from spacearm.description.readers.xacro_expressions import Evaluator, ExpressionError
@@ -490,3 +493,22 @@ def test_namespaces_need_no_declaration(tmp_path):
     extra = '<drake:joint name="elbow" ignition:frame="arm"/>'
     path = write(tmp_path / "robot.xacro", of_bodies(extra).replace(SPACE, ""))
     assert sa.load(path).joint_names == ("elbow",)
+
+
+@pytest.mark.slow
+def test_what_takes_many_steps_is_expanded_in_a_process_of_its_own_to_the_same(
+    tmp_path, monkeypatch
+):
+    write(tmp_path / "parts.xacro", PARTS)
+    path = write(tmp_path / "r.xacro", of_bodies('<xacro:arg name="a" default="1"/>'))
+    here = sa.load(path)
+    monkeypatch.setattr(reader, "FEW_STEPS", 3)
+    apart = sa.load(path)
+    assert apart.notes == here.notes
+    np.testing.assert_array_equal(apart.at([0.3]).A, here.at([0.3]).A)
+    monkeypatch.setattr(limits, "SECONDS", 0.05)
+    with pytest.raises(sa.ModelError, match=r"is large, and is not read in 0\.05 s"):
+        sa.load(path)
+    monkeypatch.setattr(limits, "SECONDS", 60.0)
+    with pytest.raises(sa.ModelError, match="unknown xacro argument 'b'"):
+        sa.load(path, xacro_args={"b": "1"})

@@ -51,6 +51,7 @@ def test_the_way_is_one_from_the_start_to_contact(caught):
     assert (np.abs(caught.chase.dq) <= most).all()
 
 
+@pytest.mark.slow
 def test_the_distance_proven_is_no_more_than_what_a_search_finds(caught):
     """No posture nearer to the way than proven is found by the search of singular postures."""
     found = sa.singular_set(caught.arm)

@@ -60,12 +60,12 @@ def test_without_errors_all_are_caught_and_nothing_strikes():
     """The run is that of the catch itself."""
     with pytest.raises(sa.ConfigurationError, match="runs"):
         sa.fly_many(caught(), runs=0)
-    found = sa.fly_many(caught(), NONE, runs=2)
+    found = sa.fly_many(caught(), NONE, runs=1)
     assert found.share == 1.0
     assert found.place.max() < 1e-4
     assert found.energy_lost.max() < 1e-6
     assert found.dq.max() < 1e-4
-    assert found.ended == ("duration", "duration")
+    assert found.ended == ("duration",)
 
 
 @pytest.mark.slow
@@ -73,7 +73,7 @@ def test_the_share_is_that_of_a_chi_distribution():
     """A box at rest with errors of place alone: three normal components within a ball."""
     errors = sa.TargetErrors(**(NONE.to_dict() | {"place": 0.02}))
     envelope = sa.CaptureEnvelope(place=0.015)
-    m = 150
+    m = 80
     found = sa.fly_many(caught(), errors, envelope, runs=m)
     wanted = chi(3).cdf(0.015 / (0.02 / np.sqrt(3.0)))
     low, high = binom(m, wanted).ppf([1e-4, 1.0 - 1e-4])

@@ -1,12 +1,18 @@
 """Whether postures are connected: paths that are proven, and proofs that there is none."""
 
 import re
+from collections import Counter
 
 import numpy as np
+import pinocchio as pin
 import pytest
-from helpers.arms import load_text, random_chain
+from helpers.arms import chosen, load_text, random_chain
 
 import spacearm as sa
+from spacearm.motion.goal import goal_axes
+from spacearm.planning.many_curves import inverse_kinematics
+from spacearm.singularities.polynomials import singularity_polynomial
+from spacearm.singularities.sides import on_the_other_side
 
 FEW = sa.Search(timeout=5.0)
 
@@ -110,3 +116,59 @@ def test_random_arms(seed):
     a, b = rng.uniform(-1.0, 1.0, (2, arm.n))
     answer = sa.connected(arm.at(a), arm.at(b), limits=False, search=sa.Search(timeout=2.0))
     assert (answer.answer == "no") == (side(arm, a) != side(arm, b))
+
+
+def limited(name, task, low, high):
+    """An arm of the catalogue with other joint limits."""
+    pairs = iter(zip(low, high, strict=True))
+    text = re.sub(
+        r'lower="[^"]*" upper="[^"]*"',
+        lambda _: 'lower="{:.9f}" upper="{:.9f}"'.format(*next(pairs)),
+        sa.load(name).path.read_text(),
+    )
+    return load_text(text, task=task)
+
+
+def test_no_posture_of_the_starts_sign_is_found_where_it_is_proven_that_there_is_none():
+    """Inverse kinematics from everywhere, the attitude free, contradicts no proof."""
+    rng, proven = chosen(5), Counter()
+    for name, task in (("planar2", "x y"), ("planar3", "x y rz")) * 12:
+        n = int(name[-1])
+        low = rng.uniform(-2.5, 0.5, n)
+        arm = limited(name, task, low, low + rng.uniform(0.5, 2.5, n))
+        S, Q = singularity_polynomial(arm), rng.uniform(arm.lower, arm.upper, (50, n))
+        q, end, turn = Q[S(Q).argmin()], Q[S(Q).argmax()], rng.uniform(-3.0, 3.0)
+        start = arm.at(q).centred(np.zeros(3))
+        turned = pin.SE3(pin.exp3(np.array([0.0, 0.0, turn])), np.zeros(3))
+        goal = arm.at(end, base=turned).centred(np.zeros(3)).tip
+        why = on_the_other_side(start, goal, goal_axes(start), arm.lower, arm.upper)
+        limits = arm.lower, arm.upper
+        Q, _, miss = inverse_kinematics(
+            arm, rng.uniform(*limits, (200, n)), goal, np.tile(np.eye(3), (200, 1, 1)),
+            goal_axes(start), 40, limits=limits, turning=True,
+        )  # fmt: skip
+        sides = S(Q[miss < 1e-7]) / S.scale * np.sign(S(q))
+        assert not why or (sides <= 1e-5).all()
+        proven[bool(why), bool((sides > 0.0).any())] += 1
+    assert proven[True, False]
+    assert proven[False, True]
+
+
+def test_a_plan_to_the_other_side_is_impossible_whatever_the_attitude_and_says_what_works():
+    arm = limited("planar3", "x y rz", [-1.0, 0.3, 0.3], [1.0, 1.2, 1.2])
+    wide = sa.load("planar3", task="x y rz")
+    S = singularity_polynomial(wide)
+    start = arm.at([0.0, 0.5, 0.5])
+    origin, axes = np.zeros(3), np.eye(3)
+    others = np.random.default_rng(0).uniform(-2.0, 2.0, (100, 3))
+    places = [wide.at(q).centred(origin) for q in others if S(q) * S(start.q) < 0.0]
+    here, within = start.centred(origin), (arm.lower, arm.upper)
+    end = next(cfg for cfg in places if on_the_other_side(here, cfg.tip, axes, *within))
+    goal = end.centred(start.com).tip
+    with pytest.raises(sa.ImpossibleError, match="whatever the attitude") as caught:
+        sa.plan(start, goal, constraints=sa.Constraints(collisions=False))
+    free = sa.Constraints(collisions=False, limits=False)
+    if "tried, and works: limits=False" in str(caught.value):
+        assert sa.plan(start, goal, constraints=free).certificate.free
+    else:
+        assert "tried without success: limits=False" in str(caught.value)

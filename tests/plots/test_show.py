@@ -21,6 +21,9 @@ Q6 = np.radians([0, 60, -100, -50, 30, 0])
 SINGULAR = np.radians([-65, -11.4108])
 
 
+LAW = sa.JointPD(target=[0.4, 1.2], kp=5.0, kd=9.0)
+
+
 def unsure(arm):
     """The arm with the mass of a link in an interval."""
     return sa.uncertain(arm, {"link_2": {"mass": 0.1}})
@@ -39,24 +42,45 @@ def identified():
 
 
 @pytest.fixture(scope="module")
-def results():
-    """One result of every kind that can be drawn, and how many panels its figure has."""
+def few():
+    """Some results that are drawn at once, as `results` has them."""
     planar, spatial = sa.load("planar2"), sa.load("mda6")
     flat, cfg = planar.at(SINGULAR), spatial.at(Q6)
     goal = [(1.2, 1.0)]
-    redundant = sa.load("planar3", task="x y")
-    law = sa.JointPD(target=[0.4, 1.2], kp=5.0, kd=9.0)
-    run = sa.simulate(planar.at([0.3, 1.2]), law, 0.2)
-    design = sa.design.workspaces(planar, {"base_inertia": np.array([1.0, 2.0])})
+    run = sa.simulate(planar.at([0.3, 1.2]), LAW, 0.2)
     return {
-        "a planar arm": (planar, 1),
         "a spatial arm": (spatial, 1),
+        "a planar configuration": (flat, 1),
+        "a singular report": (sa.singularity(flat), 3),
+        "a reaction": (sa.reaction(run), 4),
+        "collisions": (
+            sa.collision_check(run, sa.Obstacle.sphere(0.2, sa.pose((3.0, 0.0, 0.0)))),
+            1,
+        ),
+        "collisions of a posture": (sa.collision_check(cfg), 1),
+        "spatial barycentric": (sa.barycentric(cfg), 1),
+        "a map": (sa.singular_map(planar, points=21), 2),
+        "a large set": (sa.singular_set(spatial), 1),
+        "a workspace": (sa.workspace(planar), 1),
+        "a followed path": (sa.follow(planar.at([0.3, 1.2]), goal), 4),
+        "a plan": (sa.plan(planar.at([0.3, 1.2]), sa.Joints([0.5, 1.0])), 4),
+    }
+
+
+@pytest.fixture(scope="module")
+def results(few):
+    """One result of every kind that can be drawn, and how many panels its figure has."""
+    planar, spatial = sa.load("planar2"), sa.load("mda6")
+    flat, cfg = planar.at(SINGULAR), spatial.at(Q6)
+    redundant = sa.load("planar3", task="x y")
+    run = sa.simulate(planar.at([0.3, 1.2]), LAW, 0.2)
+    design = sa.design.workspaces(planar, {"base_inertia": np.array([1.0, 2.0])})
+    return few | {
+        "a planar arm": (planar, 1),
         "an arm with two tips": (sa.load("dual_ur5", tip=("left", "right")), 1),
         "a report of two tips": (two_tips(), 3),
-        "a planar configuration": (flat, 1),
         "a spatial configuration": (cfg, 1),
         "a planar arm in a tilted plane": (planar.at(SINGULAR, base=tilted()), 1),
-        "a singular report": (sa.singularity(flat), 3),
         "a regular report": (sa.singularity(cfg), 3),
         "error bars": (sa.error_bars(cfg), 1),
         "a momentum matrix": (sa.momentum_matrix(cfg), 1),
@@ -75,7 +99,6 @@ def results():
         "a catch": (caught(), 3),
         "a held body": (identified(), 1),
         "runs of a catch": (flown(), 1),
-        "a reaction": (sa.reaction(run), 4),
         "a level reach": (
             sa.level_reach(planar.at([-0.6, 1.4]), 0.03, directions=12, planned=True, cell=0.1),
             1,
@@ -92,37 +115,26 @@ def results():
         "a range of distances": (sa.distance_range(unsure(planar), [0.3, 0.8], samples=5), 1),
         "bands of shells": (sa.shell_bands(unsure(planar), samples=2), 1),
         "a wheel sizing": (sa.size_wheels(planar, tip_speed=0.1, samples=30), 1),
-        "collisions": (
-            sa.collision_check(run, sa.Obstacle.sphere(0.2, sa.pose((3.0, 0.0, 0.0)))),
-            1,
-        ),
-        "collisions of a posture": (sa.collision_check(cfg), 1),
         "a capture": (sa.capture(cfg, [0, 0, 0.1, 0.05, 0.1, 0], 50.0, 4.0 * np.eye(3)), 4),
         "a target": (sa.Target(sa.Bus(9.0, size=(1, 2, 1))), 1),
         "an obstacle": (sa.Obstacle.robot(planar.at([0.3, 1.2])), 1),
         "planar barycentric": (sa.barycentric(flat), 1),
-        "spatial barycentric": (sa.barycentric(cfg), 1),
         "a planar chain": (sa.barycentric(flat).virtual_manipulator, 1),
         "a spatial chain": (sa.barycentric(cfg).virtual_manipulator, 1),
         "a polynomial of one angle": (sa.singularity_polynomial(planar).fix({0: 0.3}), 1),
         "a polynomial of two angles": (sa.singularity_polynomial(planar), 2),
         "a polynomial of six angles": (sa.singularity_polynomial(spatial), 1),
-        "a map": (sa.singular_map(planar, points=21), 2),
         "points": (sa.singular_set(planar, mode="fixed"), 1),
         "curves": (sa.singular_set(planar), 1),
-        "a large set": (sa.singular_set(spatial), 1),
         "a searched set": (sa.singular_set(redundant), 1),
-        "a workspace": (sa.workspace(planar), 1),
         "a path dependent point": (sa.workspace(planar).regions((0.9, 1.3)), 1),
         "a path independent point": (sa.workspace(planar).regions((0.9, 0.3)), 1),
         "a risk profile": (sa.risk_profile(planar, samples=2000), 1),
         "risks of poses": (sa.pose_risk(spatial, poses=20, samples=2000), 1),
         "a trajectory": (run, 4),
-        "a flight": (sa.simulate_phases(planar.at([0.3, 1.2]), [sa.Phase(law, 0.2)]), 4),
-        "a followed path": (sa.follow(planar.at([0.3, 1.2]), goal), 4),
-        "a plan": (sa.plan(planar.at([0.3, 1.2]), sa.Joints([0.5, 1.0])), 4),
+        "a flight": (sa.simulate_phases(planar.at([0.3, 1.2]), [sa.Phase(LAW, 0.2)]), 4),
         "designs": (design, 1),
-        "many runs": (sa.simulate_many([planar.at([0.3, 1.2])] * 3, law, 0.2), 2),
+        "many runs": (sa.simulate_many([planar.at([0.3, 1.2])] * 3, LAW, 0.2), 2),
         "an uncertain arm": (unsure(planar), 1),
         "a free box": (sa.free_box(cfg), 1),
         "free boxes of two joints": (sa.free_boxes(planar, most=400), 1),
@@ -182,6 +194,7 @@ def test_every_result_has_a_figure_whose_labels_do_not_touch(results, monkeypatc
         assert not touching(drawn, monkeypatch), what
 
 
+@pytest.mark.slow
 def test_no_kind_of_drawing_is_untested(results):
     drawn = {kind for thing, _ in results.values() for kind in type(thing).__mro__}
     assert drawn >= set(DRAWINGS)
@@ -206,15 +219,15 @@ def test_drawings_go_into_given_axes_and_subfigures(results):
         ]
 
 
-def test_panels_that_do_not_fit_are_refused_before_anything_is_drawn(results):
+def test_panels_that_do_not_fit_are_refused_before_anything_is_drawn(few):
     two, space = Figure().subplots(1, 2), Figure().add_subplot(projection="3d")
     message = "this drawing has 4 panels: give a figure or a subfigure, or axes with"
     for ax in (two, two[0], [*two, space, space], "here", [1, 2, 3, 4]):
         with pytest.raises(sa.ConfigurationError, match=message):
-            plot(results["a reaction"][0], ax=ax)
+            plot(few["a reaction"][0], ax=ax)
     assert not any(axes.has_data() for axes in (*two, space))
     with pytest.raises(sa.ConfigurationError, match="this drawing has one panel"):
-        plot(results["a map"][0], ax=two)
+        plot(few["a map"][0], ax=two)
 
 
 NOTEBOOK = """
@@ -256,30 +269,30 @@ def test_a_notebook_shows_every_figure_once():
     assert shown == ["0"] * 4 + ["1"] * 6
 
 
-def test_axes_of_the_wrong_kind_are_refused(results):
+def test_axes_of_the_wrong_kind_are_refused(few):
     flat, space = Figure().add_subplot(), Figure().add_subplot(projection="3d")
     with pytest.raises(sa.ConfigurationError, match="projection '3d'"):
-        plot(results["a map"][0], ax=space)
+        plot(few["a map"][0], ax=space)
     with pytest.raises(sa.ConfigurationError, match="projection='3d'"):
-        plot(results["a spatial arm"][0], ax=flat)
+        plot(few["a spatial arm"][0], ax=flat)
     with pytest.raises(sa.ConfigurationError, match="give Matplotlib axes, a figure or"):
-        plot(results["a map"][0], ax="here")
+        plot(few["a map"][0], ax="here")
 
 
-def test_options_reach_the_drawing(results):
-    drawn = plot(results["a planar configuration"][0], color="#ff0000", label=False)
+def test_options_reach_the_drawing(few):
+    drawn = plot(few["a planar configuration"][0], color="#ff0000", label=False)
     assert drawn.axes[0].lines[0].get_color() == "#ff0000"
     assert not drawn.axes[0].texts
-    drawn = plot(results["a followed path"][0], target=(1.2, 1.0))
+    drawn = plot(few["a followed path"][0], target=(1.2, 1.0))
     assert "target" in [text.get_text() for text in drawn.axes[0].get_legend().get_texts()]
 
 
 @pytest.mark.parametrize(
     ("what", "takes"), [("a map", "none"), ("a workspace", "path, profile"), ("a plan", "target")]
 )
-def test_an_unknown_option_is_named(results, what, takes):
+def test_an_unknown_option_is_named(few, what, takes):
     with pytest.raises(sa.ConfigurationError, match=f"no option 'colour'; it takes: {takes}"):
-        plot(results[what][0], colour="red")
+        plot(few[what][0], colour="red")
 
 
 @pytest.mark.parametrize("thing", [None, 3, "planar2", np.zeros(3), [1, 2]])
@@ -341,28 +354,28 @@ def test_the_surface_of_a_set_leaves_the_seams_of_the_torus_open(monkeypatch):
     assert 0 < len(drawn.get_facecolor()) < len(surface.triangles)
 
 
-def test_labels_of_bodies_do_not_stand_over_each_other(results):
-    axes = plot(results["spatial barycentric"][0]).axes[0]
+def test_labels_of_bodies_do_not_stand_over_each_other(few):
+    axes = plot(few["spatial barycentric"][0]).axes[0]
     assert "4–6" in [text.get_text().strip() for text in axes.texts]  # the wrist of mda6
 
 
-def test_one_posture_has_no_time(results):
-    axes = plot(results["collisions of a posture"][0]).axes[0]
+def test_one_posture_has_no_time(few):
+    axes = plot(few["collisions of a posture"][0]).axes[0]
     assert "time" not in axes.get_xlabel() + axes.get_ylabel()
-    assert "time" in plot(results["collisions"][0]).axes[0].get_xlabel()
+    assert "time" in plot(few["collisions"][0]).axes[0].get_xlabel()
 
 
-def test_the_lost_direction_goes_through_the_tip(results):
-    report = results["a singular report"][0]
+def test_the_lost_direction_goes_through_the_tip(few):
+    report = few["a singular report"][0]
     line = plot(report).axes[0].lines[-1].get_xydata()
     tip = report.configuration.tip.translation[:2]
     np.testing.assert_allclose(line.mean(axis=0), tip, atol=1e-12)
     np.testing.assert_allclose(abs((line[1] - tip) @ report.available[:, 0]), 0.0, atol=1e-9)
 
 
-def test_samples_are_drawn_over_the_joints_that_show_structure(results):
+def test_samples_are_drawn_over_the_joints_that_show_structure(few):
     """Joint 6 changes nothing, joint 1 little: the elbow turns joint 3, the wrist joint 5."""
-    axes = plot(results["a large set"][0]).axes[0]
+    axes = plot(few["a large set"][0]).axes[0]
     drawn = {axes.get_xlabel(), axes.get_ylabel()}
     assert drawn & {"joint_3 [deg]", "joint_5 [deg]"}
     assert not drawn & {"joint_1 [deg]", "joint_6 [deg]"}

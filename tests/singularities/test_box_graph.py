@@ -93,6 +93,22 @@ def test_it_goes_on_from_a_file(tmp_path):
         sa.free_boxes(sa.load("planar2"), so_far=read)
 
 
+@pytest.mark.parametrize("after", [1, 5])
+def test_after_ctrl_c_there_is_what_was_covered_and_it_goes_on(after, planar):
+    told = []
+
+    def stop(done, _):
+        told.append(done)
+        if len(told) == after:
+            raise KeyboardInterrupt
+
+    with pytest.raises(sa.StoppedError, match="of the joint range covered") as stopped:
+        sa.free_boxes(planar.arm, within=ENDLESS, progress=stop)
+    whole = sa.free_boxes(planar.arm, so_far=stopped.value.best)
+    assert whole.share == pytest.approx(planar.share, abs=1e-12)
+    assert whole.part_shares == pytest.approx(planar.part_shares, abs=1e-12)
+
+
 def test_a_share_that_cannot_be_is_named():
     with pytest.raises(sa.ConfigurationError, match=r"share is 1\.5"):
         sa.free_boxes(sa.load("planar2"), share=1.5)

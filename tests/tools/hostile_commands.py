@@ -55,7 +55,7 @@ WORK = ("--duration", "--points", "--effort", "--vary")
 PICTURE = re.compile(r".*_(map|workspace|design|simulation|plan)\.png")
 """What is written where no name is given."""
 TEXTS = re.compile(r"(spacearm: (error|warning): .*|stopped: .*)")
-SLOW = re.compile(r"spacearm: .*: (\d+ s so far|\d+ %, about \d+ s left)")
+SLOW = re.compile(r"spacearm: .*: (\d+ s so far(, at most \d+ s more)?|\d+ %, about \d+ s left)")
 """What a slow machine says besides."""
 
 

@@ -108,7 +108,7 @@ def test_readout_is_the_report_and_the_code_is_the_configuration(session):
         ("home", "unknown message 'home'"),
         ([], "unknown message"),
         (None, "unknown message"),
-        ({"do": "fly"}, "unknown message 'fly'; valid, nearest first"),
+        ({"do": "hover"}, "unknown message 'hover'; valid, nearest first"),
         ({"do": ["home"]}, "unknown message"),
         ({"do": "joint"}, "value is 'None'"),
         ({"do": "joint", "index": 2, "value": 0}, "joint index is 2; give 0 to 1"),
@@ -285,6 +285,7 @@ def test_malformed_text_is_answered_and_the_server_goes_on(viewer, text):
     assert "readout" in talk(url, '{"do": "home"}')[0]
 
 
+@pytest.mark.slow
 def test_a_thousand_rapid_messages_end_in_the_last_state(viewer):
     url = viewer.serve()
     values = np.linspace(-3, 3, 1000)

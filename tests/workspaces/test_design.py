@@ -136,7 +136,12 @@ def test_ctrl_c_keeps_what_is_done():
 
 @pytest.mark.slow
 def test_the_best_mount_is_nearest_the_spacecraft_s_cm():
-    best = optimise_mount(ARM, {"mount_x": (0.1, 0.8)}, most=20)
+    told = []
+    best = optimise_mount(
+        ARM, {"mount_x": (0.1, 0.8)}, most=20, progress=lambda *both: told.append(both)
+    )
+    assert [done for done, _ in told] == list(range(1, best.tried + 1))
+    assert all(done <= total for done, total in told)
     assert best.mount.translation[0] == pytest.approx(0.1, abs=1e-2)
     assert best.workspace.fraction > sa.workspace(ARM).fraction
     assert isinstance(best.mount, pin.SE3)

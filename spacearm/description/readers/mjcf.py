@@ -10,9 +10,7 @@ from __future__ import annotations
 import math
 import os
 import re
-import warnings
 from dataclasses import replace
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -26,17 +24,13 @@ from spacearm.description import shapes
 from spacearm.description.bodies import Inertial, Joint, Mimic
 from spacearm.description.readers.forest import Forest, turns
 from spacearm.description.readers.mjcf_bounds import check_bounds
-from spacearm.description.readers.source import Source
+from spacearm.description.readers.source import Source, apart
 from spacearm.description.tree import Tree
-from spacearm.errors import ModelError, ModelWarning, warn
-from spacearm.processes import WorkerError, call_within
+from spacearm.errors import ModelError
 
 if TYPE_CHECKING:
     import mujoco
 
-
-SECONDS, MEMORY = 60.0, 4e9
-"""What MuJoCo may take for a file that is not small: time [s], address space [bytes]."""
 SAME_INERTIA = 1e-5
 """Share by which rounding may move the compiled inertia from the given one (MuJoCo 3: 1e-6)."""
 
@@ -56,29 +50,7 @@ def read(source: Source, root: etree._Element) -> Tree:
     """
     if find_spec("mujoco") is None:
         source.fail("is an MJCF, which MuJoCo compiles", "pip install 'spacearm[mjcf]'")
-    if check_bounds(source, root):
-        return _compiled(source)
-    try:
-        tree, notes, warned = call_within(SECONDS, MEMORY, partial(_alone, source))
-    except WorkerError as error:
-        source.fail(
-            f"is large, and is not compiled in {SECONDS:g} s and {MEMORY / 1e9:g} GB of memory "
-            f"({error})",
-            "leave out what is not needed",
-        )
-    source.notes += notes
-    for text in warned:
-        warn(text)
-    return tree
-
-
-def _alone(source: Source) -> tuple[Tree, list[str], list[str]]:
-    """Read a file in a process of its own; return its tree, notes and warnings."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", ModelWarning)
-        tree = _compiled(source)
-    said = [str(found.message) for found in caught if issubclass(found.category, ModelWarning)]
-    return tree, source.notes, said
+    return _compiled(source) if check_bounds(source, root) else apart(source, _compiled)
 
 
 def _compiled(source: Source) -> Tree:

@@ -7,11 +7,13 @@ import math
 import operator
 import os
 import re
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Literal, NoReturn, TypeAlias
+from typing import Literal, NoReturn, TypeAlias, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -20,8 +22,9 @@ from lxml import etree
 from spacearm.arrays import LARGEST, MOST_LINKS, Array, positive
 from spacearm.description.readers.packages import Packages
 from spacearm.description.shapes import Shape, Unusable, Visuals
-from spacearm.errors import ConfigurationError, ModelError, listed, warn
+from spacearm.errors import ConfigurationError, ModelError, ModelWarning, listed, warn
 from spacearm.files import read
+from spacearm.processes import WorkerError, call_within
 
 ARITHMETIC = re.compile(r"[\d.e+*/() pi-]{1,200}", re.ASCII)
 """Characters of numbers with pi, + - * / and parentheses, as SPART's files write their numbers."""
@@ -383,3 +386,41 @@ def declared(text: bytes) -> bytes:
         else:
             break
     return text
+
+
+T = TypeVar("T")
+
+SECONDS, MEMORY = 60.0, 4e9
+"""What reading a file that is not small may take: time [s], address space [bytes]."""
+
+
+def apart(source: Source, read_it: Callable[[Source], T]) -> T:
+    """Read a file that is not small in a process of its own, with limits of time and memory.
+
+    Args:
+        source: The file, which takes the notes.
+        read_it: Reads it; named in a module, as what it returns can be sent between processes.
+
+    Raises:
+        ModelError: It cannot be read, or takes more.
+    """
+    try:
+        found, source.notes, warned = call_within(SECONDS, MEMORY, partial(_read, source, read_it))
+    except WorkerError as error:
+        source.fail(
+            f"is large, and is not read in {SECONDS:g} s and {MEMORY / 1e9:g} GB of memory "
+            f"({error})",
+            "leave out what is not needed",
+        )
+    for text in warned:
+        warn(text)
+    return found
+
+
+def _read(source: Source, read_it: Callable[[Source], T]) -> tuple[T, list[str], list[str]]:
+    """Return what is read, the notes and the warnings."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ModelWarning)
+        found = read_it(source)
+    said = [str(found.message) for found in caught if issubclass(found.category, ModelWarning)]
+    return found, source.notes, said

@@ -12,22 +12,25 @@ from typing import NoReturn
 from lxml import etree
 
 from spacearm.description.readers.packages import Packages
-from spacearm.description.readers.source import WRITTEN, Source, declared
+from spacearm.description.readers.source import WRITTEN, Source, apart, declared
 from spacearm.description.readers.xacro_expansion import (
     Expansion,
     MissingArgumentError,
     MissingFileError,
     XacroError,
 )
-from spacearm.errors import unknown
+from spacearm.errors import ModelError, unknown
 from spacearm.files import read
+
+FEW_STEPS = 100_000
+"""Steps of an expansion that are taken here; one that takes more has a process of its own."""
 
 
 def expanded(source: Source, written: etree._Element) -> etree._Element:
     """Return the root element of the URDF that a xacro source expands to.
 
     Args:
-        source: The file.
+        source: The file, which takes the notes.
         written: Its root element.
 
     Raises:
@@ -36,7 +39,23 @@ def expanded(source: Source, written: etree._Element) -> etree._Element:
     Warns:
         ModelWarning: The source or xacro warns of something.
     """
+    expansion = Expansion(source.path, source.packages, source.reading.xacro_args, FEW_STEPS)
+    try:
+        return _expanded(source, written, expansion)
+    except ModelError:
+        if expansion.is_small:
+            raise
+    return source.parsed(apart(source, _expanded_apart))
+
+
+def _expanded_apart(source: Source) -> bytes:
+    """Return the URDF of a source that takes many steps, with where its elements were written."""
     expansion = Expansion(source.path, source.packages, source.reading.xacro_args)
+    return etree.tostring(_expanded(source, source.root(), expansion))
+
+
+def _expanded(source: Source, written: etree._Element, expansion: Expansion) -> etree._Element:
+    """Return the root element of the URDF, errors and warnings as of `expanded`."""
     try:
         urdf = expansion.urdf()
     except MissingArgumentError as error:

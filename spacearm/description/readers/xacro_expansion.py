@@ -27,6 +27,7 @@ from spacearm.description.readers.source import WRITTEN, declared
 from spacearm.description.readers.xacro_expressions import (
     BOUNDED,
     LONGEST,
+    MOST_STEPS,
     Evaluator,
     ExpressionError,
 )
@@ -57,7 +58,9 @@ class Expansion:
         lines: Where the elements of the URDF were written, in order; "" but for links and joints.
     """
 
-    def __init__(self, path: Path, packages: Packages, given: Mapping[str, str]) -> None:
+    def __init__(
+        self, path: Path, packages: Packages, given: Mapping[str, str], most: int = MOST_STEPS
+    ) -> None:
         self.arguments = dict(given)
         self.known: set[str] = set()
         self.warnings: list[str] = []
@@ -65,7 +68,7 @@ class Expansion:
         self._left_out = False
         self._path = path
         self._packages = packages
-        self._evaluator = Evaluator()
+        self._evaluator = Evaluator(most)
         self.files: list[Path] = []
         self._xacro = self._sandboxed_xacro()
 
@@ -95,6 +98,11 @@ class Expansion:
             if self.lines[-1]:
                 node.removeAttribute(WRITTEN)
         return document.toxml().replace("\n", " ").encode()  # one line: nobody has seen the others
+
+    @property
+    def is_small(self) -> bool:
+        """Whether the expansion did with the steps that it may take."""
+        return not self._evaluator.stopped
 
     def _explained(self, error: Exception) -> XacroError:
         """Return an error that says where it happened."""

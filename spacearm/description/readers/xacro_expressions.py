@@ -39,10 +39,19 @@ class ExpressionError(Exception):
 
 
 class Evaluator:
-    """Evaluates the expressions of one file, and counts their steps."""
+    """Evaluates the expressions of one file, and counts their steps.
 
-    def __init__(self) -> None:
-        self._steps = 0
+    Args:
+        most: The steps that they may take.
+    """
+
+    def __init__(self, most: int = MOST_STEPS) -> None:
+        self._steps, self._most = 0, most
+
+    @property
+    def stopped(self) -> bool:
+        """Whether they took more."""
+        return self._steps > self._most
 
     def evaluate(self, text: str, names: dict[str, Any]) -> Any:
         """Compute the value of an expression.
@@ -69,8 +78,8 @@ class Evaluator:
             ExpressionError: They are too many.
         """
         self._steps += count
-        if self._steps > MOST_STEPS:
-            raise ExpressionError(f"the file takes more than {MOST_STEPS:,} steps to expand")
+        if self.stopped:
+            raise ExpressionError(f"the file takes more than {self._most:,} steps to expand")
 
     def _do(self, operation: str, *values: Any) -> Any:
         """Do a checked operation."""

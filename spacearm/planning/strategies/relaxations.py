@@ -38,13 +38,13 @@ def relaxed(request: PlanRequest, find: Callable[[PlanRequest], Plan]) -> str:
     tries: dict[str, list[PlanRequest]] = {}
     if request.final_attitude is not None:
         tries["final_attitude left open"] = [replace(quick, final_attitude=None)]
+    free = replace(quick, constraints=replace(request.constraints, limits=False))
     if isinstance(request.goal, Joints):
         tries[SAME_POSE] = _postures(quick, request.goal)
         if request.constraints.limits:
-            free = replace(request.constraints, limits=False)
-            tries[f"{SAME_POSE}, limits=False"] = _postures(
-                replace(quick, constraints=free), request.goal
-            )
+            tries[f"{SAME_POSE}, limits=False"] = _postures(free, request.goal)
+    elif request.constraints.limits:
+        tries["limits=False"] = [free]
     for words, requests in tries.items():
         for each in requests:
             try:

@@ -3,6 +3,7 @@
 import { createCamera } from "./camera.js";
 import { createChart } from "./chart.js";
 import { createChoices } from "./choices.js";
+import { createFly } from "./fly.js";
 import { DEGREE, byId, fixed } from "./format.js";
 import { createGrab } from "./grab.js";
 import { createJoints, refuse } from "./joints.js";
@@ -16,7 +17,8 @@ import { explainByTouch } from "./touch.js";
 import { createWaiting, createWork } from "./work.js";
 
 const viewer = createViewer(byId("scene"));
-let [about, readout, socket, camera, joints, showState, map, grab, choices, playback, chart, showWork] = [];
+let [about, readout, socket, camera, joints, showState, map, grab, choices, playback, chart] = [];
+let [showWork, showFlight] = [];
 let [played, drawn, asked, wanted] = [null, null, 0, null];
 const poses = createPoses(viewer);
 const showWaiting = createWaiting();
@@ -130,6 +132,7 @@ function build(told, { hidden, played: already }) {
   legend(byId("layers"), told.layers, hidden, (name, visible) =>
     ask({ do: "layer", name, visible }, `layer ${name}`));
   showWork = createWork(viewer, told, ask);
+  showFlight = createFly(ask, told.fly);
   const film = createRecorder(viewer, told.model);
   playback = createPlayback(play);
   chart = createChart(playback.seek);
@@ -234,6 +237,7 @@ function show(state) {
   map.show(state);
   grab.show(state);
   showWork(state);
+  showFlight(state);
   playback.show(state.t);
   if (!isMoving()) chart.show(state.t);
   if (state.played !== played) ask({ do: "motion" });

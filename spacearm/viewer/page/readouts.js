@@ -56,7 +56,7 @@ export function gauge(distance) {
   box.firstElementChild.style.left = `${(100 * shown) / FAR}%`;
   box.setAttribute("aria-valuenow", shown.toFixed(2));
   const text = distance === null ? "none found"
-    : `${degrees < 1e-3 ? 0 : digits(degrees, 3)}° away`;
+    : `${digits(degrees, 3)}° away`;
   byId("distance").textContent = text;
   box.setAttribute("aria-valuetext", text);
   box.style.background = `linear-gradient(to right, ${[0, 0.25, 0.5, 0.75, 1]

@@ -1,0 +1,92 @@
+"""The tip led by hand: the servo behind the page, the flight kept as a motion, the page's keys."""
+
+import numpy as np
+import pytest
+from helpers.pages import Page
+
+import spacearm as sa
+from spacearm.viewer.session import Session
+
+TWIST = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+
+
+def fly(session, twist=TWIST, dt=0.05, frame="inertial"):
+    session.handle({"do": "fly", "twist": twist, "dt": dt, "frame": frame})
+
+
+@pytest.mark.parametrize("mode", ["free-floating", "attitude-controlled", "fixed"])
+def test_the_tip_goes_where_it_is_led_and_the_spacecraft_reacts(mode):
+    cfg = sa.load("mda6").at(np.radians([0, 60, -100, -50, 30, 0]))
+    session = Session(cfg.arm, cfg)
+    session.handle({"do": "spacecraft", "mode": mode})
+    for _ in range(20):
+        fly(session)
+    gone = session.cfg.tip.translation - cfg.tip.translation
+    np.testing.assert_allclose(gone[1:], 0.0, rtol=0, atol=1e-3)
+    assert 0.08 < gone[0] <= 0.1 + 1e-9
+    turned = np.abs(session.cfg.base.rotation - cfg.base.rotation).max()
+    assert (turned > 1e-4) == (mode == "free-floating")
+
+
+def test_what_is_slowed_and_lost_is_told_and_the_flight_becomes_a_motion():
+    cfg = sa.load("planar2").at(np.radians([20.0, 40.0]))
+    session = Session(cfg.arm, cfg)
+    assert session.readout()["flight"] is None
+    told = []
+    for _ in range(120):
+        fly(session, [0.2, 0.0, 0.0, 0.0, 0.0, 0.0], 0.1)
+        told.append(session.readout())
+    assert "lost direction" in told[-1]["flight"]["slowed"]
+    assert told[-1]["flight"]["done"] < 0.9
+    assert told[-1]["distance"] >= np.radians(5.0)
+    motion = session.landed()
+    np.testing.assert_array_equal(motion.q[0], cfg.q)
+    np.testing.assert_array_equal(motion.q[-1], session.cfg.q)
+    np.testing.assert_allclose(motion.t[-1], 12.0, rtol=0, atol=1e-9)
+    assert session.landed() is None
+
+
+def test_it_begins_anew_where_the_arm_was_moved_otherwise():
+    cfg = sa.load("planar2").at([0.3, 1.2])
+    session = Session(cfg.arm, cfg)
+    fly(session)
+    session.handle({"do": "joint", "index": 0, "value": 0.5})
+    fly(session)
+    np.testing.assert_allclose(session.landed().q[0], [0.5, session.cfg.q[1]], rtol=0, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"twist": [0.1], "dt": 0.1, "frame": "tip"},
+        {"twist": [np.nan] * 6, "dt": 0.1, "frame": "tip"},
+        {"twist": TWIST, "dt": "long", "frame": "tip"},
+        {"twist": TWIST, "dt": 0.1, "frame": "moon"},
+        {},
+    ],
+)
+def test_what_a_page_may_not_ask_is_refused_and_moves_nothing(message):
+    cfg = sa.load("planar2").at([0.3, 1.2])
+    session = Session(cfg.arm, cfg)
+    with pytest.raises(sa.ConfigurationError):
+        session.handle({"do": "fly", **message})
+    assert session.cfg is cfg
+
+
+@pytest.mark.slow
+def test_keys_lead_the_tip_and_the_end_is_a_motion(browser):
+    cfg = sa.load("planar2").at(np.radians([20.0, 60.0]))
+    viewer = sa.view(cfg, open=False)
+    viewer.session.fly = True
+    page = Page(browser, viewer.serve(), width=1300, height=800).ready()
+    assert page.text("#fly") == "End"
+    page.page.keyboard.down("w")
+    page.until(lambda: viewer.configuration.tip.translation[0] > cfg.tip.translation[0] + 0.05)
+    page.wait_text("#flown", "Free")
+    page.until(lambda: "Slowed" in page.text("#flown"))
+    page.page.keyboard.up("w")
+    page.page.click("#fly")
+    page.page.wait_for_selector("#motion:not([hidden])")
+    assert page.errors == []
+    page.close()
+    viewer.close()
