@@ -3,8 +3,8 @@
 A finger is a short, light branch behind a body that an arm moves, its palm. Lengths count relative
 to the arm and masses relative to what the arm moves, so that units do not matter. What tells
 fingers from a wrist: there are three or more, or two with as many joints, or one moves as the other
-does (mimic joints), or they are named so. A single moving jaw is told by its name, or by a frame
-for a tool on the body that it is hinged to.
+does (mimic joints), or they are named so. A single moving jaw is told by its name, by a frame for a
+tool on the body that it is hinged to, or by the shape of that body, which reaches along the jaw.
 """
 
 from __future__ import annotations
@@ -12,18 +12,23 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterable, Sequence
+from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
 
+from spacearm.arrays import Array
 from spacearm.description.bodies import Joint
+from spacearm.description.shapes import Visuals
 from spacearm.description.tree import Tree
-from spacearm.errors import listed
+from spacearm.errors import ModelError, listed
 
 SHORT = 0.4
 """Longest finger, as a share of the way from the first joint of the arm to it."""
 LIGHT = 1.0
 """Heaviest set of fingers, as a share of the mass that the arm moves up to them."""
+ALONG = 0.8
+"""How far the body that carries a jaw reaches along it, as a share of the jaw, if it is one."""
 MOST_JOINTS = (3, 5)
 """Most joints of a finger that no name tells: of two fingers, of more, as a thumb has.
 
@@ -141,7 +146,29 @@ class _Grippers:
         if len(branch.joints) > 1 or not self._hinged(branch.first):
             return False
         named = self._tip_rank(self._lumps[palm]) is not None
-        return named or grasps(branch.first.name, self._common)
+        return named or grasps(branch.first.name, self._common) or self._closes(palm, branch)
+
+    def _closes(self, palm: str, branch: _Branch) -> bool:
+        """Whether a body reaches as far along a jaw at zero as the jaw, as a fixed finger does."""
+        joint, frames = branch.first, self._tree.frames
+        axis, hinge = frames[joint.child].rotation @ joint.axis, frames[joint.child].translation
+        jaw, body = (self._points(links) - hinge for links in (branch.links, self._lumps[palm]))
+        if joint.kind == "prismatic" or not (len(jaw) and len(body)):
+            return False
+        along = jaw.mean(axis=0)
+        along -= axis * (axis @ along)
+        return bool((body @ along).max() >= ALONG * (jaw @ along).max() > 0.0)
+
+    def _points(self, links: Sequence[str]) -> Array:
+        """Return points (m, 3) of the shapes of some links, root frame, those that can be read."""
+        found = [np.zeros((0, 3))]
+        for link in links:
+            drawn = self._tree.visuals.get(link, Visuals())
+            for shape in drawn.visual or drawn.collision:
+                with suppress(ModelError):
+                    frame = self._tree.frames[link]
+                    found.append(shape.points() @ frame.rotation.T + frame.translation)
+        return np.vstack(found)
 
     def _hinged(self, joint: Joint) -> bool:
         """Whether a joint opens and closes: less than half a turn, what it moves off its axis."""

@@ -10,12 +10,11 @@ the question is asked.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from lxml import etree
 
 from spacearm.description.grippers import (
     fingers,
@@ -26,6 +25,7 @@ from spacearm.description.grippers import (
     shared,
     tip_rank,
 )
+from spacearm.description.srdf import named_tips
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, listed, unknown
 
@@ -348,56 +348,3 @@ def remaining(tree: Tree, joints: Counting) -> Counting:
         return joints
     leading = {joint.name for joint in tree.leading()}
     return tuple(name for name in joints if name in leading)
-
-
-ABOVE = 4
-"""Folders above a robot file in which a package *moveit_config is looked for."""
-
-
-def named_tips(tree: Tree, path: Path) -> tuple[tuple[str, ...], str]:
-    """Return the tips that an SRDF beside a robot file names, and the name of that file.
-
-    An SRDF with the name of the robot file comes before others. The links of end effectors and the
-    ends of chains are tips, if a joint moves them.
-
-    Args:
-        tree: The robot.
-        path: Its file.
-    """
-    name = path.name.partition(".")[0]
-    for file in sorted(dict.fromkeys(_files(path)), key=lambda file: file.stem != name):
-        robot = _read(file)
-        if robot is None or robot.get("name") != tree.name:
-            continue
-        effectors = [element.get("parent_link") for element in robot.findall("end_effector")]
-        chains = [element.get("tip_link") for element in robot.findall("group/chain")]
-        links = dict.fromkeys(link for link in (*effectors, *chains) if link and link in tree.links)
-        if moved := tuple(link for link in links if tree.movable(link)):
-            return moved, file.name
-    return (), ""
-
-
-def _files(path: Path) -> Iterator[Path]:
-    """Yield the SRDF files beside a robot file, the nearest first."""
-    if not path.is_file():  # a name only, of what `mount` put together
-        return
-    above = list(path.resolve().parents)[:ABOVE]
-    folders = [folder / inner for folder in above[:2] for inner in ("", "srdf", "config")]
-    for folder in above[1:]:
-        for package in sorted(folder.glob("*moveit_config*")):
-            folders += (package / "config", package / "srdf")
-    for folder in folders:
-        yield from sorted(folder.glob("*.srdf"))
-
-
-def _read(file: Path) -> etree._Element | None:
-    """Return the root of an SRDF, without entities or network access; None if it is none."""
-    parser = etree.XMLParser(
-        resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True
-    )
-    try:
-        document = etree.parse(file, parser)
-    except (OSError, etree.XMLSyntaxError):
-        return None
-    sound = document.getroot().tag == "robot" and not document.docinfo.doctype
-    return document.getroot() if sound else None

@@ -163,9 +163,12 @@ class SpaceArm(JointSpace, Described):
 
     @property
     def bodies(self) -> dict[str, pin.Inertia]:
-        """The rigid bodies, the spacecraft first, by the names of their links that have mass."""
+        """The rigid bodies, the spacecraft first, by the names of their links that have mass.
+
+        A body without mass has the name of its first link.
+        """
         lumps, links = self.tree.lumps.values(), self.tree.links
-        names = (" + ".join(link for link in lump if links[link]) for lump in lumps)
+        names = (" + ".join(link for link in lump if links[link]) or lump[0] for lump in lumps)
         return dict(zip(names, list(self.model.inertias)[1:], strict=True))
 
     @property

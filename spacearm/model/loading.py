@@ -44,9 +44,10 @@ def load(
     fixed to the actual bus is fine, and one that it floats in is left out, be it by a floating
     joint or by slides and hinges without mass between. Movable leaves without mass are held. The n
     joints are those on the way to the tip; fingers, solar panels and other arms are held where they
-    are, at the <home value="..."/> of their joint (zero if there is none) or at the limit nearest
-    to it, see `SpaceArm.held`. Joints that mimic another are not among the n joints; their limits
-    count as limits of the joint that they follow.
+    are: at the home of their joint, which is its <home value="..."/>, or its position in the
+    keyframe "home" of an MJCF or the group state "home" of an SRDF beside the file, or zero; or at
+    the limit nearest to it. See `SpaceArm.held`. Joints that mimic another are not among the n
+    joints; their limits count as limits of the joint that they follow.
 
     Args:
         source: A name of the catalogue (see `catalogue`); the path of a URDF, .xacro, MJCF (.xml)

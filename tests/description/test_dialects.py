@@ -1,5 +1,7 @@
 """Dialects of URDF: what files in the world write, read as it is meant."""
 
+import warnings
+
 import numpy as np
 import pytest
 from helpers.arms import joint, link, load_text, robot, two_links
@@ -239,3 +241,39 @@ def test_windows_paths_of_meshes(tmp_path):
     path.write_text(robot(BUS, link("arm", inside=mesh), ELBOW))
     shape = sa.load(path).tree.visuals["arm"].visual[0]
     assert shape.geometry.file == tmp_path / "meshes" / "arm.stl"
+
+
+def test_a_spherical_joint_is_a_row_of_hinges():
+    place = {"xyz": (0.4, -0.1, 0.2), "rpy": (0.3, -0.5, 0.7)}
+    arm, hand = link("arm", 3.0, (0.3, 0.1, 0)), link("hand", 1.0, (0.2, 0, 0.1))
+    row = [
+        '<link name="x"/>', '<link name="y"/>',
+        joint("ball_x", "arm", "x", axis=(1, 0, 0), inside="", **place),
+        joint("ball_y", "x", "y", axis=(0, 1, 0), inside="", xyz=(0, 0, 0)),
+        joint("ball_z", "y", "hand", axis=(0, 0, 1), inside="", xyz=(0, 0, 0)),
+    ]  # fmt: skip
+    ball = joint("ball", "arm", "hand", "spherical", inside="", **place)
+    with pytest.warns(sa.ModelWarning, match="ball joint ball is taken as three hinges"):
+        found = load_text(robot(BUS, arm, hand, ELBOW, ball), task="pose")
+    with pytest.warns(sa.ModelWarning):
+        same = load_text(robot(BUS, arm, hand, ELBOW, *row), task="pose")
+    assert found.joint_names == same.joint_names == ("elbow", "ball_x", "ball_y", "ball_z")
+    assert list(same.bodies) == ["bus", "arm", "x", "y", "hand"]  # massless ones too
+    q = [0.3, -0.8, 0.5, 1.1]
+    np.testing.assert_allclose(
+        sa.generalized_jacobian(found.at(q)), sa.generalized_jacobian(same.at(q)), atol=1e-14
+    )
+
+
+def test_slides_and_a_spherical_joint_are_a_floating_base():
+    slides = [
+        joint(f"t{a}", b, c, "prismatic", (0, 0, 0), axis=axis, inside="")
+        for a, b, c, axis in zip("xyz", ("world", "a", "b"), "abc", np.eye(3), strict=True)
+    ]
+    frames = [f'<link name="{name}"/>' for name in ("world", *"abc")]
+    ball = joint("ball", "c", "bus", "spherical", (0, 0, 0), inside="")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sa.ModelWarning)
+        arm = load_text(robot(*frames, BUS, ARM, *slides, ball, ELBOW))
+    assert (arm.joint_names, arm.tree.root) == (("elbow",), "bus")
+    assert any("'bus' floats by itself" in note for note in arm.notes)

@@ -283,3 +283,21 @@ def test_a_massless_world_with_marks_is_left_out_and_one_of_two_bodies_is_not_th
     target = f'<link name="target">{inertial(500)}</link>' + free.format("w", "target")
     with pytest.warns(sa.ModelWarning, match="left out, as not fixed to it: ground, target"):
         same(load(tmp_path, text.replace("</robot>", f"{target}</robot>")), floating(tmp_path))
+
+
+def test_fingers_may_leave_the_plane_of_a_planar_base(tmp_path):
+    body = '<body name="{0}" pos=".5 {1} 0"><joint name="j{0}" {2}/>{3}</body>'
+    part = '<geom type="capsule" fromto="0 0 0 {0} 0 0" size=".01" mass="{1}"/>'
+    finger = 'type="slide" axis="0 1 0" range="0 .04"'
+    fingers = "".join(
+        body.format(f"f{y}", y, finger, part.format(0.05, 0.1)) for y in (-0.05, 0.05)
+    )
+    turn = 'axis="0 1 0"'
+    arm = body.format("b", 0, turn, part.format(0.5, 2) + fingers)
+    arm = body.format("a", 0, turn, part.format(0.5, 3) + arm)
+    base = "".join(f'<joint name="t{x}" type="slide" axis="{x}"/>' for x in ("1 0 0", "0 0 1"))
+    text = f"""<mujoco><worldbody><body name="bus">{base}<joint name="r" {turn}/>
+        <geom size=".3" mass="40"/>{arm}</body></worldbody></mujoco>"""
+    with pytest.warns(sa.ModelWarning, match="'bus' floats by itself"):
+        found = load(tmp_path, text, ".xml")
+    assert (found.joint_names, found.tip, found.task.names) == (("ja", "jb"), "b", "x z")

@@ -405,3 +405,19 @@ def test_warnings_of_a_process_of_its_own_are_given_here(tmp_path):
     with pytest.warns(sa.ModelWarning, match=r"no\.stl"):
         arm = sa.load(tmp_path / "many.xml", tip="b3")
     assert any("no.stl" in note for note in arm.notes)
+
+
+def test_joints_rest_where_the_keyframe_home_has_them(tmp_path):
+    body = '<body name="{0}" pos="1 0 0"><joint name="j_{0}" {1}/><geom size="0.1"/>{2}</body>'
+    arm = body.format("a", 'ref="0.5"', body.format("tcp", "", ""))
+    text = """<mujoco>
+      <worldbody><body name="bus"><freejoint/><geom size="1"/>%s%s</body></worldbody>
+      <keyframe><key name="other" qpos="0 0 0 1 0 0 0 9 9 9"/>
+      <key name="Home" qpos="0 0 0 1 0 0 0 0.7 -0.4 0.25"/></keyframe></mujoco>"""
+    path = tmp_path / "robot.xml"
+    path.write_text(text % (arm, body.format("mast", 'type="slide" axis="0 0 1"', "")))
+    found = sa.load(path, tip="tcp")
+    assert found.home.tolist() == [0.7, -0.4]
+    assert found.held == {"j_mast": 0.25}
+    path.write_text(path.read_text().replace('name="Home"', 'name="start"'))
+    assert sa.load(path, tip="tcp").held == {"j_mast": 0.0}

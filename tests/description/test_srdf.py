@@ -115,3 +115,24 @@ def test_the_file_itself_and_the_caller_come_before_it(tmp_path):
     path.write_text(ROBOT.replace("<link", '<tip link="hand"/><link', 1))
     arm = sa.load(path)
     assert (arm.tip, arm.tip_reason) == ("hand", "the model names it")
+
+
+def test_joints_that_do_not_count_rest_where_the_state_home_has_them(tmp_path):
+    state = '<group_state name="%s" group="g">%s</group_state>'
+    at = '<joint name="%s" value="%s"/>'
+    text = srdf(
+        chain("wrist"),
+        state % ("ready", at % ("mast_1", 0.9)),
+        state % ("home", at % ("mast_1", 0.3) + at % ("shoulder", "-0.2") + at % ("nowhere", 1)),
+        state % ("Home", at % ("gripper", 7) + at % ("mast_2", "high") + at % ("mast_3", "nan")),
+    )
+    tip(tmp_path, text)
+    arm = sa.load(tmp_path / "robot/urdf/r.urdf")
+    assert arm.held == {"gripper": 0.0, "roll": 0.0, "mast_1": 0.3, "mast_2": 0.0, "mast_3": 0.0}
+    assert arm.home.tolist() == [-0.2, 0.0]
+    own = ROBOT.replace(
+        'name="mast_1" type="revolute">', 'name="mast_1" type="revolute"><home value="0.1"/>'
+    )
+    assert own != ROBOT
+    (tmp_path / "robot/urdf/r.urdf").write_text(own)
+    assert sa.load(tmp_path / "robot/urdf/r.urdf").held["mast_1"] == 0.1

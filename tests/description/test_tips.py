@@ -351,6 +351,25 @@ def test_fingers_of_a_pinocchio_model_are_held():
     assert (arm.n, arm.tip, len(arm.held)) == (4, "l_4", 2)
 
 
+@pytest.mark.parametrize("tag", ["visual", "collision"])
+@pytest.mark.parametrize(("reach", "tip"), [(0.2, "l_5"), (0.1, "l_5"), (0.06, "x"), (0.0, "x")])
+def test_a_jaw_is_told_by_the_finger_beside_it(tag, reach, tip):
+    """Of a jaw of 0.1 m at the end of a palm that reaches so far along it; no name says a thing."""
+
+    def box(length: float, y: float) -> str:
+        at = f'<origin xyz="{length / 2} {y} 0"/>'
+        return f'<{tag}>{at}<geometry><box size="{length} 0.01 0.01"/></geometry></{tag}>'
+
+    jaw = [
+        link("x", 0.05, (0.05, 0.02, 0), 1e-5 * np.eye(3), box(0.1, 0.01)),
+        joint("y", "l_5", "x", xyz=(0.1, 0, 0), inside=slide(-0.1, 1.5)),
+    ]
+    palm = link("l_5", 0.4, (0.1, 0, 0), 1e-3 * np.eye(3), box(0.1 + reach, -0.02))
+    arm = found(*ARM, palm, joint("j_5", "l_4", "l_5", xyz=(0.4, 0, 0)), *jaw)
+    assert arm.tip == tip
+    assert list(arm.held) == ["y"] * (tip == "l_5")
+
+
 def test_a_jaw_beside_a_frame_for_a_tool():
     jaw = finger("part", "l_4", "revolute", slide(-0.2, 2), axis=(0, 1, 0))
     assert found(*ARM, *jaw).tip == "part"

@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.description.bodies import Inertial, Joint
+from spacearm.description.grippers import fingers
 from spacearm.description.readers.source import Source
 from spacearm.description.shapes import Visuals
 from spacearm.description.tree import Tree, free_name
@@ -321,11 +322,12 @@ def _spans(axes: Array, count: int) -> bool:
 
 
 def _in_plane(tree: Tree, base: Tree, slides: Array, hinges: Array) -> bool:
-    """Whether two slides and a hinge span a plane that all joints of the robot keep."""
+    """Whether two slides and a hinge span a plane that all joints but those of fingers keep."""
     if not (_spans(slides, 2) and len(hinges) == 1):
         return False
     across = slides @ hinges[0]
-    moving = base.movable()
+    begin = {name for joints in fingers(base).values() for name in joints}
+    moving = [j for j in base.movable() if begin.isdisjoint(k.name for k in base.chain(j.child))]
     along = _axes(tree, moving, "prismatic") @ hinges[0]
     turned = np.cross(_axes(tree, moving, "revolute", "continuous"), hinges[0])
     return all(bool((np.abs(x) < PARALLEL).all()) for x in (across, along, turned))

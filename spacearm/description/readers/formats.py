@@ -14,6 +14,7 @@ from spacearm.description.readers.forest import check_mimics, warn_of_balls, wit
 from spacearm.description.readers.masses import checked
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS, PinocchioModel
 from spacearm.description.readers.source import Reading, Source
+from spacearm.description.srdf import with_home
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError
 
@@ -47,6 +48,8 @@ def read(robot: RobotSource, reading: Reading | None = None) -> Tree:
     tree = with_floating_base(source, tree)
     warn_of_balls(source, tree)
     tree = checked(source, tree)
+    if not source.reading.known:
+        tree = with_home(tree, source.path)
     return replace(tree, notes=tuple(source.notes))
 
 

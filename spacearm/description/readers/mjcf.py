@@ -25,6 +25,7 @@ from spacearm.description.bodies import Inertial, Joint, Mimic
 from spacearm.description.readers.forest import Forest, turns
 from spacearm.description.readers.mjcf_bounds import check_bounds
 from spacearm.description.readers.source import Source, apart
+from spacearm.description.srdf import HOME
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError
 
@@ -76,6 +77,7 @@ class _Reader:
         self._source = source
         self._spec = spec
         self._couplings = _couplings(source, spec)
+        homes = [list(key.qpos) for key in spec.keys if key.name.lower() == HOME]
         _leave_out(source, spec)
         self._geoms = Geoms(source, spec)
         spec.compiler.discardvisual = False
@@ -84,6 +86,7 @@ class _Reader:
         for joint in spec.joints:
             joint.align = 0
         self._model = spec.compile()
+        self._home = next((q for q in homes if len(q) == self._model.nq), None)
         self._given = {body.id: body for body in spec.bodies}
         self._bodies = _names([self._model.body(i).name for i in range(self._model.nbody)], "body")
         self._joints = _names([self._model.joint(i).name for i in range(self._model.njnt)], "joint")
@@ -186,6 +189,7 @@ class _Reader:
         joint = Joint(
             name, kind, "", "", origin, model.jnt_axis[i].copy(), lower, upper,
             effort=float(effort), damping=damping, friction=friction,
+            home=self._home[model.jnt_qposadr[i]] if self._home else 0.0,
         )  # fmt: skip
         zero = float(model.qpos0[model.jnt_qposadr[i]])
         return [replace(joint, origin=origin * joint.motion(-zero)) if zero else joint]

@@ -90,8 +90,11 @@ class _Reader:
             for joint in held:
                 del forest.joints[joint.name]
             del forest.links[WORLD]
-            if any(forest.tree("", joint.child).freedoms for joint in held):
-                bases = ", ".join(repr(joint.child) for joint in held)
+            massive = [
+                joint.child for joint in held if (part := forest.links[joint.child]) and part.mass
+            ]
+            if any(forest.tree("", base).freedoms for base in massive):
+                bases = ", ".join(map(repr, massive))
                 source.note(
                     f"{bases} is fixed to the world: it is taken as the spacecraft, which floats "
                     "(sa.mount bolts the arm to another)"

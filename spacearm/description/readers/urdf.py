@@ -17,13 +17,15 @@ from lxml import etree
 
 from spacearm.arrays import LARGEST, LEAST_MASS
 from spacearm.description.bodies import Inertial, Joint, Mimic
-from spacearm.description.readers.forest import Forest, check_mimics
+from spacearm.description.readers.forest import Forest, check_mimics, turns
 from spacearm.description.readers.source import Source, describe, evaluate
 from spacearm.description.shapes import Mesh, Shape, primitive
 from spacearm.description.tree import Tree
 from spacearm.errors import listed, unknown
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
+BALL = "spherical"
+"""Type of a ball joint in PyBullet and MuJoCo."""
 FLOATING = ("floating", "planar")
 """Joints that only a spacecraft has; those above it are left out, for it floats by itself."""
 WORLD = "world"
@@ -56,7 +58,12 @@ def read(source: Source, written: etree._Element) -> Tree:
     if any(parent.get("link") == WORLD for parent in robot.findall("joint/parent")):
         forest.links.setdefault(WORLD)  # which Drake knows without a <link>
     for name, joint in source.named(robot, "joint").items():
-        forest.joints[name] = _joint(source, joint, forest.links)
+        found = _joint(source, joint, forest.links)
+        if found.kind == BALL:
+            source.balls.append(name)
+            forest.join(found.parent, found.child, turns(name, "xyz", found.origin))
+        else:
+            forest.joints[name] = found
     tips = tuple(_named_link(source, tip, forest.links) for tip in robot.findall("tip"))
     floats = _cut_free(source, forest)
     check_mimics(source, forest.joints)  # first: a joint that mimics a fixed one has no limits
@@ -154,7 +161,7 @@ def _inertial(source: Source, link: etree._Element) -> Inertial | None:
 
 def _joint(source: Source, element: etree._Element, links: Collection[str]) -> Joint:
     name, kind = element.get("name", ""), element.get("type", "").strip().lower()
-    if kind not in (*KINDS, *FLOATING):
+    if kind not in (*KINDS, *FLOATING, BALL):
         given = element.get("type", "")
         source.fail(f"joint {name!r} has type {given!r}", f"use one of {', '.join(KINDS)}")
     parent, child = (_end(source, element, end, links) for end in ("parent", "child"))
@@ -164,7 +171,7 @@ def _joint(source: Source, element: etree._Element, links: Collection[str]) -> J
         kind = "wheel"
     axis = source.child(element, "axis")
     direction = np.array([1.0, 0.0, 0.0]) if axis is None else source.numbers(axis, "xyz", 3)
-    if kind in FLOATING:
+    if kind in (*FLOATING, BALL):
         direction = np.array([1.0, 0.0, 0.0])
     elif kind != "fixed":
         zero = f"joint {name!r} has a zero axis"
