@@ -51,7 +51,7 @@ from spacearm.planning.problem import Problem
 from spacearm.planning.request import Constraints, Joints, PlanRequest, Search
 from spacearm.planning.result import Plan
 from spacearm.planning.strategies.at_rest import by_methods
-from spacearm.planning.strategies.drift import ramp_ends
+from spacearm.planning.strategies.drift import ramp_ends, stretched
 from spacearm.planning.timing import PEAK, eased
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
@@ -584,18 +584,20 @@ class _Request:
         start, constraints = self.start, self.constraints
         return PlanRequest.of(start, goal, "spacecraft", constraints, search, (), None, None)
 
-    def _straight(self, goal: Joints, search: Search) -> Plan:
-        """Return the plan of a straight joint motion."""
+    def _straight(self, goal: Joints, t: float, search: Search) -> Plan:
+        """Return the plan of a straight joint motion, no faster than the approach if t allows."""
         start, way = self.start, np.asarray(goal.q) - self.start.q
         u = np.linspace(0.0, 1.0, 1 + max(1, math.ceil(np.abs(way).max() / STEP)))
         rows = walk(start, start.q + u[:, None] * way)
-        return by_methods(Problem.of(self._planned(goal, search)), {"straight": lambda _: rows})
+        request, lasts = self._planned(goal, search), min(t, self.duration[0])
+        found = by_methods(Problem.of(request), {"straight": lambda _: rows})
+        return stretched(found, lasts, request.account) if found.t[-1] < lasts else found
 
     def _reach(self, goal: pin.SE3 | Joints, t: float, search: Search) -> Plan:
         """Return the plan to the stand-off, until a time; it minds the target if it has to."""
         straight = isinstance(goal, Joints)
         if straight:
-            reach = self._straight(goal, search)
+            reach = self._straight(goal, t, search)
         else:
             reach = plan(self.start, goal, constraints=self.constraints, search=search)
         if (late := float(reach.t[-1]) - t) > 0.0:
