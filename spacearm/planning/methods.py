@@ -1,4 +1,4 @@
-"""The six methods of planning: each takes a problem and returns rows that solve it, or fails.
+"""The seven methods of planning: each takes a problem and returns rows that solve it, or fails.
 
 A method that fails raises a NoSolutionError that says why.
 """
@@ -27,7 +27,7 @@ from spacearm.planning.optimiser import ARRIVED, ITERATIONS, NEWTON_STEPS, Curve
 from spacearm.planning.problem import InContactError, Problem, Rows, travel
 from spacearm.planning.roadmap import Roadmap
 from spacearm.planning.timing import rest_to_rest_times
-from spacearm.planning.tree import by_tree, straight_rows
+from spacearm.planning.tree import BOXES, by_boxes, by_tree, straight_rows
 
 WIDTHS = (0.3, 0.6, 1.0, 2.0)
 """Sizes of the curves that are tried [rad]."""
@@ -318,10 +318,12 @@ def _line(problem: Problem, start: Configuration, goal: Goal, limited: bool) -> 
 
 METHODS: dict[str, Callable[[Problem], Rows]] = {
     "straight": straight,
+    BOXES: by_boxes,
     "joint space": joint_space,
     "roadmap": roadmap,
     "cycles": cycles,
     "attitude first": attitude_first,
     "tree": by_tree,
 }
-"""In the order in which "auto" tries them, with obstacles "tree" after "straight"."""
+"""In the order in which "auto" tries them, "boxes" only where some are given; with obstacles "tree"
+after "straight"."""

@@ -21,6 +21,7 @@ from spacearm.motion.plant import WheelHold
 from spacearm.planning.account import Progress, SearchAccount
 from spacearm.planning.timing import for_each_joint, largest_rates
 from spacearm.signatures import checked
+from spacearm.singularities.box_graph import FreeBoxes
 
 FARTHEST = 1.0
 """Largest clearance [rad]: the distance to the singular set is too rough beyond."""
@@ -115,6 +116,7 @@ class Search:
             guesses.
         method: "auto", or one of the methods of `plan`.
         progress: Called now and then as progress(t, timeout), both in s.
+        boxes: Boxes of the floating arm, from `free_boxes`; the method "boxes" goes through them.
 
     Raises:
         ConfigurationError: A value does not make sense.
@@ -124,15 +126,21 @@ class Search:
     timeout: float = 60.0
     method: str = "auto"
     progress: Progress | None = None
+    boxes: FreeBoxes | None = None
 
     def __post_init__(self) -> None:
         whole(self.seed, "seed", 0)
+        if self.method == "boxes" and self.boxes is None:
+            raise ConfigurationError(
+                'method "boxes" needs boxes; give boxes=sa.free_boxes(arm), or those of a file'
+            )
         if not isinstance(self.timeout, Real) or not self.timeout > 0.0:
             raise ConfigurationError(f"timeout is {self.timeout!r}; give a positive time [s]")
 
     def to_dict(self) -> dict[str, Any]:
         """Return seed, timeout and method as plain data."""
-        return {name: plain(value) for name, value in vars(self).items() if name != "progress"}
+        left_out = ("progress", "boxes")
+        return {name: plain(value) for name, value in vars(self).items() if name not in left_out}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

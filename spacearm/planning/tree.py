@@ -18,13 +18,16 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.collisions.separation import Collisions
 from spacearm.equations.turns import GAUSS
-from spacearm.errors import NoSolutionError
+from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.jacobian import generalized_jacobian
+from spacearm.model.arguments import FLOATING
 from spacearm.motion.goal import goal_rows
 from spacearm.planning.guesses import CLOSE, GuessFinder, Mask, lengths
 from spacearm.planning.many_curves import Indices, inverse_kinematics, spacecraft_turns
 from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, SPACING
 from spacearm.planning.problem import Problem, Rows
+from spacearm.singularities.box_graph import FreeBoxes
+from spacearm.singularities.immaterial_masses import digest_of_set
 
 GROWN = 48
 """Branches that are grown, and landed, at once."""
@@ -44,6 +47,8 @@ STEPS = 25
 """Newton steps to the end of a last piece."""
 INTERVALS, POINTS = 6, 13
 """Steps of the integration along a piece; points at which a piece is checked."""
+BOXES = "boxes"
+"""Name of the method that goes through boxes."""
 TREES = 30
 """Rounds in which a tree grows, twice as many in each round of the search."""
 STILL = 1e-12
@@ -82,6 +87,31 @@ class Tree:
             if len(self._ends[1]):
                 yield from self._landed(nodes)
             nodes = self._grow()
+
+    def through(self, boxes: FreeBoxes, q: Array) -> Iterator[Array]:
+        """Yield the corners (m, n) of the way through boxes to joint positions (n,).
+
+        Raises:
+            NoSolutionError: No boxes lead there.
+        """
+        way = boxes.path(self.start.q, q)
+        if not np.allclose(way[-1], q, atol=STILL):
+            raise NoSolutionError("the boxes lead there by whole turns of a joint only")
+        way[-1] = q
+        for corners in (self._fewer(way), way):
+            if self._clear_way(corners):
+                yield corners
+
+    def _fewer(self, way: Array) -> Array:
+        """Return the corners of a way (m, n) that straight pieces cannot do without."""
+        kept = [0]
+        while kept[-1] < len(way) - 1:
+            here = kept[-1]
+            ahead = np.arange(here + 1, len(way))
+            pieces = np.stack((np.broadcast_to(way[here], way[ahead].shape), way[ahead]), axis=1)
+            clear = self._room(pieces) > self.target.clearance
+            kept.append(int(ahead[clear].max(initial=here + 1)))
+        return way[kept]
 
     def _find_ends(self) -> None:
         """Look for more joint positions at the goal, now and then."""
@@ -244,12 +274,42 @@ class Tree:
 
 def by_tree(problem: Problem) -> Rows:
     """Grow a tree of joint motions until one of them leads to the goal, and shorten it."""
-    target = problem.target
-    if target.attitude is not None:
-        raise NoSolutionError("the tree aims at no attitude of the spacecraft")
-    finder = problem.guesses(problem.start, target)
-    why, rounds = "none of its motions arrives", TREES << problem.account.rounds
-    for corners in Tree(finder, problem.collisions).motions(rounds):
+    return _first(problem, _tree(problem).motions(TREES << problem.account.rounds))
+
+
+def by_boxes(problem: Problem) -> Rows:
+    """Go through boxes to joint positions, by as few corners as do.
+
+    Raises:
+        NoSolutionError: No boxes lead to the goal.
+        ConfigurationError: The boxes are those of another arm.
+    """
+    boxes, arm = problem.request.search.boxes, problem.start.arm
+    if boxes is None or problem.target.q is None:
+        raise NoSolutionError("boxes lead to joint positions; give sa.Joints as the goal")
+    if digest_of_set(boxes.arm, boxes.mode) != digest_of_set(arm, FLOATING):
+        raise ConfigurationError(
+            f"boxes are those of {boxes.arm.name}, {boxes.mode}, not of this floating {arm.name}; "
+            "give sa.free_boxes(arm)"
+        )
+    return _first(problem, _tree(problem).through(boxes, problem.target.q))
+
+
+def _tree(problem: Problem) -> Tree:
+    """Return the search from the start.
+
+    Raises:
+        NoSolutionError: The spacecraft shall end with a given attitude.
+    """
+    if problem.target.attitude is not None:
+        raise NoSolutionError("straight pieces are led to no attitude of the spacecraft")
+    return Tree(problem.guesses(problem.start, problem.target), problem.collisions)
+
+
+def _first(problem: Problem, ways: Iterator[Array]) -> Rows:
+    """Return the rows of the first way (m, n) that keeps all constraints."""
+    why = "none of its motions arrives"
+    for corners in ways:
         try:
             return problem.check(_landed(problem, corners))
         except NoSolutionError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
-from spacearm.errors import NoSolutionError, UnsupportedError
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.model.arm import SpaceArm
 from spacearm.planning.result import Connection
 from spacearm.plots.style import (
@@ -33,6 +33,8 @@ from spacearm.singularities.map import SingularMap
 
 FAR = 45.0
 """Distance beyond which the colours of a map do not change [deg]."""
+ENDLESS = 3.0 * np.pi
+"""Where the outline of a range without end is drawn, out of sight [rad]."""
 SCALES = (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0)
 """Ends of the colours of maps on which all distances are less [deg]."""
 BINS = 18
@@ -42,7 +44,7 @@ MOST_SAMPLED, MOST_FOUND = 4000, 200
 
 
 @draws(SingularMap)
-def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
+def draw_map(result: SingularMap, *, ax: Any = None, box: FreeBox | None = None) -> Figure:
     """Draw the distance to first order over two joints, with the exact curves where known.
 
     Figure 4 of Papadopoulos & Dubowsky (1993) for planar2.
@@ -50,6 +52,10 @@ def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
     Args:
         result: The map.
         ax: Matplotlib axes to draw into; None for a new figure.
+        box: Joint ranges in which no posture is singular, to be outlined.
+
+    Raises:
+        ConfigurationError: The joints that are held are outside the box, or it is of another arm.
     """
     axes = axes_for(ax, 7.2, 6.0)
     degrees, distance = np.degrees(result.angles), np.degrees(result.distance.T)
@@ -71,6 +77,8 @@ def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
     _draw_curves(axes, result.curves or [])
     _angle_axes(axes, result.joints)
     _draw_limits(axes, np.degrees(result.joint_limits))
+    if box is not None:
+        _draw_ranges(axes, result, box)
     what = "distance to first order" if result.curves is None else "singular set (curves)"
     held = ", ".join(
         f"{name}\N{NO-BREAK SPACE}{np.degrees(x):.4g}" for name, x in result.held.items() if x
@@ -153,6 +161,28 @@ def _draw_limits(axes: Any, limits: Array) -> None:
                 label = "_the same"
     if label == "_the same":
         axes.legend(loc="upper right", facecolor=GREY, labelcolor="white", framealpha=0.9)
+
+
+def _draw_ranges(axes: Any, result: SingularMap, box: FreeBox) -> None:
+    """Outline the ranges of both joints of a map, also whole turns away."""
+    if box.arm.name != result.arm:
+        raise ConfigurationError(f"box is of {box.arm.name}, the map of {result.arm}")
+    outside = [name for name, x in result.held.items()
+               if not box.ranges[name][0] <= x <= box.ranges[name][1]]  # fmt: skip
+    if outside:
+        raise ConfigurationError(
+            f"the map holds {', '.join(outside)} outside the box; draw one with q in it"
+        )
+    (left, right), (low, high) = (np.degrees(np.clip(box.ranges[name], -ENDLESS, ENDLESS))
+                                  for name in result.joints)  # fmt: skip
+    label = "no singular posture, proven"
+    for x, y in product((0.0, -360.0, 360.0), repeat=2):
+        axes.add_patch(
+            Rectangle((left + x, low + y), right - left, high - low, fill=False, edgecolor=GREEN,
+                      lw=2.5, label=label)
+        )  # fmt: skip
+        label = "_the same"
+    axes.legend(loc="upper right", facecolor=GREY, labelcolor="white", framealpha=0.9)
 
 
 def _draw_surface(axes: Any, result: SingularSet) -> None:

@@ -29,6 +29,7 @@ from spacearm.model.joints import joint_vector
 from spacearm.plots.show import plot
 from spacearm.results import Column, Description, Table
 from spacearm.signatures import checked
+from spacearm.singularities.joint_boxes import free_box
 from spacearm.singularities.map import singular_map
 from spacearm.singularities.report import singularity
 from spacearm.singularities.risk import risk_profile, uniform
@@ -170,8 +171,9 @@ def design_report(
 ) -> Path:
     """Write a design report of an arm: one HTML page with everything inside it.
 
-    It holds the arm, its singular sets, its workspaces and the share of postures near
-    singularities, the turn of the bus by straight lines of the tip, and wheels that would hold it.
+    It holds the arm, its singular sets, joint ranges without singular posture, its workspaces and
+    the share of postures near singularities, the turn of the bus by straight lines of the tip, and
+    wheels that would hold it.
     Beneath every figure stands the command that makes it. What an arm cannot have is named with the
     reason.
 
@@ -204,6 +206,7 @@ def design_report(
     parts: list[tuple[str, Callable[[Section], None]]] = [
         ("The arm", lambda s: _arm(s, arm, q, about)),
         ("Where it is singular", lambda s: _singular(s, arm, q, about)),
+        ("Where nothing is singular", lambda s: _ranges(s, arm, q, about)),
         ("Where it can work", lambda s: _workspaces(s, arm, about)),
         ("Risk by distance", lambda s: _risk(s, arm, about)),
         ("Turning the spacecraft", lambda s: _reaction(s, arm, q, about)),
@@ -280,6 +283,23 @@ def _singular(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
         _python(about, f"sa.singular_map(arm, q=[{', '.join(f'{x:.6g}' for x in q)}])"),
     )
     section.picture(plot(found), "The singular set.", _python(about, "sa.singular_set(arm)"))
+
+
+def _ranges(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
+    if beyond := arm.at(q).outside_limits:
+        section.say(f"The working posture is beyond the limits of {', '.join(beyond)}.", "missing")
+        return
+    box, at = free_box(arm.at(q)), " ".join(f"{x:.6g}" for x in q)
+    section.say(
+        "Joint ranges about the working posture in which no posture is singular: within them any "
+        "motion of the joints is free, whoever plans it."
+    )
+    section.show(box.describe(), f"spacearm box {about} {at}")
+    section.picture(
+        plot(box),
+        "The ranges (green) within the joint limits, or one turn.",
+        _python(about, f"sa.free_box(arm.at([{at.replace(' ', ', ')}]))"),
+    )
 
 
 def _workspaces(section: Section, arm: SpaceArm, about: str) -> None:

@@ -36,6 +36,7 @@ def plot(
             `workspace`, both [m] in inertial axes. Workspaces: `path` (points from the system CM
             [m]) and `profile` (a risk profile). Arms and configurations: `color` and `label`;
             configurations of planar arms: `velocities` (what unit joint rates give to the tip).
+            Singular maps: `box` (joint ranges without singular posture).
             Barycentric quantities: `chain` (whether to draw the Virtual Manipulator).
 
     Returns:

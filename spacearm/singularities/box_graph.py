@@ -180,7 +180,7 @@ class FreeBoxes(Result):
         """Return the way through boxes that are joined, from q0, which is at `start` in its box."""
         rows, offset, here = [q0], q0 - start, start
         for one, other in pairwise(chain):
-            turns = self._turns[one, other]
+            turns = self._turn(one, other)
             low = np.maximum(self.lower[one], self.lower[other] + turns)
             high = np.minimum(self.upper[one], self.upper[other] + turns)
             here = np.clip(here, low, np.maximum(low, high))
@@ -190,11 +190,13 @@ class FreeBoxes(Result):
             here, offset = here - turns, offset + turns
         return np.array([*rows, end + offset])
 
-    @cached_property
-    def _turns(self) -> dict[tuple[int, int], Array]:
+    def _turn(self, one: int, other: int) -> Array:
+        """Return by what turns the second of two boxes that are joined is away, (n,)."""
         pairs, turns = self._joined
-        there = {(int(a), int(b)): t for (a, b), t in zip(pairs, turns, strict=True)}
-        return {(b, a): -t for (a, b), t in there.items()} | there
+        there = np.flatnonzero((pairs == (one, other)).all(axis=1))
+        if there.size:
+            return turns[there[-1]]
+        return -turns[np.flatnonzero((pairs == (other, one)).all(axis=1))[-1]]
 
     def _box_of(self, q: Array) -> tuple[int, Array]:
         """Return the number of the box that holds a configuration, and where it is in the range."""

@@ -20,6 +20,7 @@ from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Plan
 from spacearm.processes import Process, Progress, WorkerError
+from spacearm.singularities.joint_boxes import free_box
 from spacearm.singularities.risk import risk_profile
 from spacearm.viewer.motions import some
 from spacearm.viewer.stage import Stage
@@ -33,13 +34,14 @@ FLOATING = {"risk": "the risk is known", "attitudes": "feasible attitudes are kn
 """Jobs that know nothing of spacecraft whose attitude is controlled."""
 MOST_CORNERS = 60
 """Largest number of corners that stand for the tip path of a motion."""
-LAYERS = ("shells", "risk", "attitudes")
-"""Layers that the page can have computed."""
+COMPUTED = ("shells", "risk", "attitudes", "ranges")
+"""What the page can have computed: layers, and joint ranges in which nothing is singular."""
 WORDS = {
     "plan": "planning",
     "shells": "computing workspaces",
     "risk": "computing the risk",
     "attitudes": "trying attitudes",
+    "ranges": "proving joint ranges",
 }
 
 
@@ -163,11 +165,11 @@ def planning(stage: Stage) -> tuple[Callable[..., Plan], str]:
 
 
 def layer(stage: Stage, what: object, path: object) -> tuple[str, Callable[..., Any]]:
-    """Return the name of a layer that the page asks for, and what computes it.
+    """Return the name of what the page asks for, and what computes it.
 
     Args:
         stage: What is on show.
-        what: "shells", "risk" or "attitudes".
+        what: "shells", "risk", "attitudes" or "ranges".
         path: The tip path whose attitudes are asked for: "goal", the straight line to the goal, or
             "motion", that of the motion.
 
@@ -175,14 +177,16 @@ def layer(stage: Stage, what: object, path: object) -> tuple[str, Callable[..., 
         ConfigurationError: It cannot be computed for what is on show.
     """
     session = stage.session
-    if not isinstance(what, str) or what not in LAYERS:
-        raise ConfigurationError(unknown("layer to compute", str(what)[:40], LAYERS))
+    if not isinstance(what, str) or what not in COMPUTED:
+        raise ConfigurationError(unknown("layer to compute", str(what)[:40], COMPUTED))
     if what in FLOATING and session.spacecraft != "free-floating":
         raise ConfigurationError(f"{FLOATING[what]} for floating spacecraft; choose that mode")
     if what == "shells":
         return what, partial(workspace, session.arm, mode=session.spacecraft)
     if what == "risk":
         return what, partial(risk_profile, session.arm)
+    if what == "ranges":
+        return what, partial(free_box, _at_rest(session.cfg), mode=session.spacecraft)
     return what, partial(feasible_attitudes, *_start_and_path(stage, path))
 
 

@@ -22,6 +22,7 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.wheels import wheel_table
 from spacearm.results import short_names
+from spacearm.singularities.joint_boxes import FreeBox
 from spacearm.singularities.map import telling_joints
 from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport
 from spacearm.singularities.sets import singular_set
@@ -73,6 +74,19 @@ def joints(arm: SpaceArm, lower: Array, upper: Array) -> list[dict[str, Any]]:
         {"name": name, "label": label, "angle": not slides, "lower": float(lo), "upper": float(hi)}
         for (name, label, slides), lo, hi in zip(rows, lower, upper, strict=True)
     ]
+
+
+def ranges(box: FreeBox, q: Array, lower: Array, upper: Array) -> dict[str, Any]:
+    """Return joint ranges in which no posture is singular, as far as the sliders go.
+
+    Args:
+        box: The ranges.
+        q: (n,) joint positions on show.
+        lower: (n,) lower ends of the sliders [rad] or [m].
+        upper: (n,) upper ends.
+    """
+    ends = zip(np.maximum(box.lower, lower), np.minimum(box.upper, upper), strict=True)
+    return {"ranges": [[float(a), float(b)] for a, b in ends], "holds": box.contains(q)}
 
 
 def readout(report: SingularityReport) -> dict[str, Any]:

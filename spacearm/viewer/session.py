@@ -20,6 +20,7 @@ from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.results import short_names
 from spacearm.servo.servo import FRAMES
+from spacearm.singularities.joint_boxes import FreeBox
 from spacearm.singularities.nearest import NearestSingular, angle
 from spacearm.singularities.report import SingularityReport, searched, singularity
 from spacearm.singularities.sets import nearest_on_way
@@ -49,6 +50,7 @@ class Session:
         note: What the last request did, in one line; empty if there is nothing to say.
         goal: Pose of the tip to plan to; None if there is none.
         blocked: Why the tip did not follow the last pull; empty if it did.
+        box: Joint ranges in which no posture is singular; None if none were asked for.
         flight: The flight by hand that goes on; None if there is none.
         fly: Whether the page begins with one.
     """
@@ -61,6 +63,7 @@ class Session:
         self.note = ""
         self.blocked = ""
         self.goal: pin.SE3 | None = None
+        self.box: FreeBox | None = None
         self.flight: HandFlight | None = None
         self.fly = False
         self._grip = 0.0
@@ -240,7 +243,7 @@ class Session:
         self.mode = mode
 
     def _spacecraft(self, message: dict[str, Any]) -> None:
-        self.spacecraft = mode_named(message.get("mode"))
+        self.spacecraft, self.box = mode_named(message.get("mode")), None
         self.show(self.cfg)
 
     def _home(self) -> None:
@@ -288,6 +291,7 @@ class Session:
             "spacecraft": self.spacecraft,
             "flight": self._flown(),
             "goal": None if self.goal is None else readouts.pose(self.goal),
+            "box": self.box and readouts.ranges(self.box, self.cfg.q, *self.range),
             **readouts.readout(self.report),
             "python": code,
         }

@@ -456,6 +456,8 @@ class Viewer:
             plan = replace(result, arm=self.session.arm)
             self._plan = plan, self._asked
             self._stage.play(plan)
+        elif name == "ranges":
+            self.session.box = result if result.mode == self.session.spacecraft else None
         else:
             self._stage.show_computed(name, result)
 

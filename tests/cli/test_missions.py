@@ -92,7 +92,13 @@ def check_page(text):
     figures = text.count("<figure>")
     assert figures >= 5
     assert len(re.findall(r'</figure><p class="command"><code>', text)) == figures
-    for title in ("The arm", "Where it is singular", "Turning the spacecraft", "Wheels"):
+    for title in (
+        "The arm",
+        "Where it is singular",
+        "Where nothing is singular",
+        "Turning the spacecraft",
+        "Wheels",
+    ):
         assert f"<h2>{title}" in text
     assert "@media print" in text
     for command in re.findall(r"<code>python -c (.*?)</code>", text):

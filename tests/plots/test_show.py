@@ -417,3 +417,21 @@ def test_the_style_is_a_sheet_of_matplotlib_and_postures_show_velocities():
     assert any("no motion" in text.get_text() for text in more.axes[0].texts)
     with pytest.raises(sa.UnsupportedError, match="tip velocities"):
         sa.plot(sa.load("planar3").at([0.1, 0.2, 0.3]), velocities=True)
+
+
+def test_a_map_outlines_a_box_that_holds_its_joints():
+    arm, q = sa.load("planar3"), [0.2, 1.1, -0.7]
+    box, joints = sa.free_box(arm.at(q)), ("joint_2", "joint_3")
+    drawn = sa.plot(sa.singular_map(arm, joints, q, 9), box=box).axes[0]
+    outline = np.radians(drawn.patches[0].get_bbox().get_points())
+    ends = np.clip([box.lower[1:], box.upper[1:]], -3.0 * np.pi, 3.0 * np.pi)
+    np.testing.assert_allclose(outline, ends, atol=1e-12)
+    first = int(np.argmin(box.upper - box.lower))
+    others = [name for j, name in enumerate(arm.joint_names) if j != first]
+    beyond = np.array(q)
+    beyond[first] = box.upper[first] + 0.01
+    outside = sa.singular_map(arm, tuple(others), beyond, 9)
+    with pytest.raises(sa.ConfigurationError, match=f"holds joint_{first + 1} outside the box"):
+        sa.plot(outside, box=box)
+    with pytest.raises(sa.ConfigurationError, match="box is of planar3, the map of planar2"):
+        sa.plot(sa.singular_map(sa.load("planar2"), points=9), box=box)

@@ -222,6 +222,44 @@ def test_a_plan_is_made_to_a_picked_goal_and_played(browser):
     viewer.close()
 
 
+def test_proven_ranges_are_told_with_whether_the_posture_is_in_them():
+    arm = sa.load("planar2")
+    viewer = sa.view(arm.at([0.3, 1.2]), open=False)
+    assert viewer.readout()["box"] is None
+    viewer.handle({"do": "compute", "what": "ranges"})
+    wait(lambda: viewer.readout()["task"] is None)
+    box = sa.free_box(arm.at([0.3, 1.2]))
+    told = viewer.readout()["box"]
+    low, high = np.array(told["ranges"]).T
+    np.testing.assert_allclose(low, np.maximum(box.lower, viewer.session.range[0]), atol=1e-12)
+    np.testing.assert_allclose(high, np.minimum(box.upper, viewer.session.range[1]), atol=1e-12)
+    assert told["holds"]
+    viewer.show([0.3, -1.2])
+    assert not viewer.readout()["box"]["holds"]
+    viewer.handle({"do": "spacecraft", "mode": "fixed"})
+    assert viewer.readout()["box"] is None, "another set is singular then"
+
+
+@pytest.mark.slow
+def test_proven_ranges_are_marked_on_sliders(browser):
+    viewer = sa.view(sa.load("planar2").at([0.3, 1.2]), open=False)
+    page = Page(browser, viewer.serve(), width=1366, height=768).ready()
+    page.page.click("[data-compute=ranges]")
+    page.wait_text("#ranges", "This posture is in them")
+    strips = page.page.locator("#joints .free")
+    rails = page.page.locator("#joints .rail")
+    boxes = [(strips.nth(j).bounding_box(), rails.nth(j).bounding_box()) for j in (0, 1)]
+    assert boxes[0][0]["width"] > 0.85 * boxes[0][1]["width"], "joint_1 turns freely"
+    assert boxes[1][0]["x"] > boxes[1][1]["x"] + 0.45 * boxes[1][1]["width"], "joint_2 is positive"
+    viewer.show([0.3, 0.05])
+    page.wait_text("#ranges", "This posture is outside")
+    page.page.click("[data-compute=ranges]")
+    page.wait_text("#ranges", "This posture is in them")
+    assert page.errors == []
+    page.close()
+    viewer.close()
+
+
 @pytest.mark.slow
 def test_cancel_and_a_closed_tab_end_the_process(browser):
     arm = sa.load("mda6")

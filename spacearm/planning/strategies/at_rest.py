@@ -20,6 +20,7 @@ from spacearm.planning.problem import Problem, Rows
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.resolved_motion import reactionless
+from spacearm.planning.tree import BOXES
 
 REACTIONLESS = "reactionless"
 """Name of the method that comes before the others where the attitude is to be kept."""
@@ -35,7 +36,7 @@ def at_rest(request: PlanRequest) -> Plan:
     """
     problem = Problem.of(request)
     methods = METHODS if problem.keep is None else {REACTIONLESS: reactionless, **METHODS}
-    order = list(methods)
+    order = [name for name in methods if name != BOXES or request.search.boxes is not None]
     if request.obstacles:
         order.sort(key=lambda name: name not in (REACTIONLESS, "straight", "tree"))
     return by_methods(problem, {name: methods[name] for name in order})
@@ -85,7 +86,8 @@ def paced(found: Plan, rates: Array) -> Plan:
 def _in_rounds(methods: Collection[str], method: str, account: SearchAccount) -> Iterator[str]:
     """Yield the methods in order; again and again those that begin with random guesses."""
     yield from methods if method == "auto" else (method,)
-    again = [name for name in methods if name != "straight" and method in ("auto", name)]
+    once = ("straight", BOXES)
+    again = [name for name in methods if name not in once and method in ("auto", name)]
     while again:
         account.rounds += 1
         yield from again

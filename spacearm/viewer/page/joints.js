@@ -2,6 +2,8 @@
 
 import { DEGREE, byId, element, fixed } from "./format.js";
 
+const THUMB = 8; // px from the end of a slider to the middle of its thumb there
+
 export function refuse(row, text) {
   let words = row.querySelector(".refusal");
   if (!words) {
@@ -25,6 +27,12 @@ export function createJoints(joints, onMove) {
         slider.setAttribute("aria-valuetext", `${say(value)} ${controls[i].words}`);
       });
     },
+    /* Marks the ranges in which no posture is singular; null takes the marks away. */
+    mark(box) {
+      controls.forEach(({ mark }, i) => mark(box?.ranges[i]));
+      byId("ranges").textContent = box ? "Green: no posture with all joints in these ranges is "
+        + `singular, proven. This posture is ${box.holds ? "in them" : "outside"}.` : "";
+    },
   };
 }
 
@@ -44,7 +52,18 @@ function control({ name, label, angle, lower, upper }, index, onMove) {
     return input;
   });
   slider.step = (upper - lower) / factor / 3600; // arrow keys move by a tenth of a degree of 360
-  const made = { slider, number, say, words, value: 0 };
+  const [rail, strip] = [element("div", "", "rail"), element("div", "", "free")];
+  strip.hidden = true;
+  const place = (x) => `calc(${THUMB}px + ${(x - lower) / (upper - lower)} * (100% - ${2 * THUMB}px))`;
+  const mark = (free) => {
+    row.title = `${name}, ${range}`;
+    strip.hidden = !free;
+    if (!free) return;
+    const [from, to] = free.map(place);
+    Object.assign(strip.style, { left: from, width: `calc(${to} - ${from})` });
+    row.title += `; no singular posture from ${free.map((x) => say(x) + sign).join(" to ")}, proven`;
+  };
+  const made = { slider, number, say, words, mark, value: 0 };
   slider.addEventListener("input", () => {
     refuse(row, "");
     onMove(index, slider.value * factor);
@@ -61,7 +80,8 @@ function control({ name, label, angle, lower, upper }, index, onMove) {
       : `${number.value}${sign} is outside its range, ${range}`);
     number.value = say(made.value);
   });
-  row.append(title, slider, number, element("span", sign.trim(), "unit"));
+  rail.append(slider, strip);
+  row.append(title, rail, number, element("span", sign.trim(), "unit"));
   byId("joints").append(row);
   return made;
 }

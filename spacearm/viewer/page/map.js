@@ -22,7 +22,7 @@ export function createMap(joints, ask, move) {
   const picks = [byId("map-x"), byId("map-y")];
   const picture = document.createElement("canvas");
   let [map, q, dragging, asked, timer, since, sent, took] = [null, null, false, null, 0, null, 0, 0];
-  let spacecraft = "free-floating";
+  let [spacecraft, box] = ["free-floating", null];
   let [width, height, framing] = [0, 0, false]; // px, zero while the map is closed
 
   for (const pick of picks) {
@@ -71,6 +71,7 @@ export function createMap(joints, ask, move) {
     context.drawImage(picture, left, top, right - left, bottom - top);
     limits(context);
     curves(context);
+    ranges(context);
     context.restore();
     axes(context, left, bottom);
     point(context);
@@ -94,6 +95,21 @@ export function createMap(joints, ask, move) {
     context.rect(l, t, r - l, b - t);
     context.fillStyle = "#0006";
     context.fill("evenodd");
+  }
+
+  /* The rectangle in which no posture is singular, as long as the other joints are in their ranges. */
+  function ranges(context) {
+    const within = box?.ranges.every(([low, high], i) =>
+      map.joints.includes(i) || (q[i] >= low && q[i] <= high));
+    if (!within) return;
+    const [[l, r], [b, t]] = map.joints.map((i) => box.ranges[i]);
+    for (const [colour, width] of [["#fff", 4], ["#009e73", 2]]) {
+      Object.assign(context, { strokeStyle: colour, lineWidth: width });
+      for (const x of [-TURN, 0, TURN]) for (const y of [-TURN, 0, TURN]) {
+        const [[left, bottom], [right, top]] = [place([l + x, b + y]), place([r + x, t + y])];
+        context.strokeRect(left, top, right - left, bottom - top);
+      }
+    }
   }
 
   function curves(context) {
@@ -218,6 +234,7 @@ export function createMap(joints, ask, move) {
   return {
     show(state) {
       if (!dragging) q = [...state.q];
+      box = state.box;
       spacecraft = state.spacecraft;
       refresh();
     },

@@ -219,6 +219,7 @@ byId("fold").addEventListener("click", () => {
 function show(state) {
   showState(state);
   joints.show(state.q, (index) => waiting.has(`joint ${index}`));
+  joints.mark(state.box);
   angles.forEach((input, i) => {
     if (document.activeElement !== input) input.value = fixed(state.attitude[i] / DEGREE, 2);
     input.disabled = state.mode !== "posture" && state.spacecraft === "free-floating";

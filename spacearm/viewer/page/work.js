@@ -1,5 +1,5 @@
 /* What the server computes meanwhile, with progress and cancel: plans to a goal of the tip,
-   workspaces, risk, feasible attitudes. */
+   workspaces, risk, feasible attitudes, free joint ranges. */
 
 import { DEGREE, byId, fixed } from "./format.js";
 import { pointUnder, toDrawing, toInertial } from "./scene.js";
@@ -34,7 +34,7 @@ export function createWork(viewer, { task, normal }, ask) {
   let [asked, busy] = [false, false];
   for (const button of buttons) {
     button.addEventListener("click", () => {
-      asked = true;
+      asked = button.dataset.compute !== "ranges";
       ask({ do: "compute", what: button.dataset.compute, path: path.value });
     });
   }
@@ -55,7 +55,8 @@ export function createWork(viewer, { task, normal }, ask) {
     }
     const [failed, why] = state.failure ?? [];
     byId("planfailure").textContent = failed === "plan" ? why : "";
-    byId("layerfailure").textContent = failed && failed !== "plan" ? why : "";
+    byId("rangesfailure").textContent = failed === "ranges" ? why : "";
+    byId("layerfailure").textContent = failed && !["plan", "ranges"].includes(failed) ? why : "";
     for (const button of buttons) button.disabled = Boolean(name);
     const known = { goal: Boolean(state.goal), motion: state.motion };
     for (const option of path.options) option.disabled = !known[option.value];
