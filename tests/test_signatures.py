@@ -166,14 +166,12 @@ def right(arm, cfg, uncertain, motion, law):
         "centre": np.zeros(2), "half": np.full(2, 0.1), "offset": np.zeros(2), "R": np.eye(3),
         "axes": np.eye(3), "mount": pin.SE3.Identity(), "path": [tip, tip + 0.01],
         "parameters": {"base_mass": [100.0]}, "servo": sa.Servo(arm), "posture": cfg,
+        "seen": sa.Servo(arm).seen(cfg, [0.1, 0.0], 0.1),
         "twist": [0.1, 0.0], "messages": [{"t": 0.0, "q": planar}],
     }  # fmt: skip
 
 
-OWN = {
-    "DampedLeastSquares.damped_rates": {"J": np.eye(2)},
-    "Servo.tick": {"seen": sa.Servo(sa.load("planar2")).seen(([0.3, 1.2], np.eye(4)), [0, 0], 0.1)},
-}
+OWN = {"DampedLeastSquares.damped_rates": {"J": np.eye(2)}}
 """Right arguments of one function that have other shapes than elsewhere."""
 
 

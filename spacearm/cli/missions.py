@@ -123,16 +123,18 @@ def find_catch(
 ) -> None:
     """Find when and how the arm catches a tumbling target, with its velocity, and brakes it.
 
-    --with gives more of what sa.catch takes: start, approach, closing, touching, wanted,
-    constraints, search.
+    --with gives more of what sa.catch takes: start, approach, closing, touching,
+    bears, wanted, constraints, search.
     """
     asked = question(
-        more, "start", "approach", "closing", "touching", "wanted", "constraints", "search"
+        more, "start", "approach", "closing", "touching", "bears", "wanted", "constraints", "search"
     )
     start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
     early, late = numbers("--window", window, 2).tolist()
     rest = {
-        k: v for k, v in asked.values.items() if k in ("approach", "closing", "touching", "wanted")
+        k: v
+        for k, v in asked.values.items()
+        if k in ("approach", "closing", "touching", "bears", "wanted")
     }
     with working("trying contacts", searches=True) as progress:
         found = catch(

@@ -51,8 +51,8 @@ step below which a scout is at rest, distance below which two are one, longest s
 the way along the set that each tick takes."""
 BEYOND, WITHIN = 1.2, 1.5
 """Scouts set out within this times the distance, and no farther than that [rad]."""
-EDGE = 0.02
-"""Share of `stop` beyond it at which rates towards the set end."""
+EDGE, MARGIN = 0.02, 0.01
+"""Shares of `stop` beyond it where rates towards the set end, and before which an arm can stop."""
 OUTWARD = 0.1
 """Share of the rates that leads out within that edge."""
 NO_INVERSE = 1e-9
@@ -527,7 +527,7 @@ def _shares(
         near = one.far < np.inf
         length = xp.where(near, one.far, 1.0)
         towards = (one.offset @ y) / xp.where(length * size > 0.0, length * size, 1.0)
-        room = xp.maximum(length - limits.stop, 0.0)
+        room = xp.maximum(length - (1.0 + MARGIN) * limits.stop, 0.0)
         root = xp.sqrt(towards * towards + 2.0 * room / limits.stop)
         way = xp.where(towards > 0.0, 2.0 * room / xp.where(towards > 0.0, towards + root, 1.0),
                        limits.stop * (root - towards))  # fmt: skip

@@ -12,15 +12,15 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, plain, positive
+from spacearm.arrays import Array, finite, plain, positive, shape_of
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.collisions.separation import collision_check
 from spacearm.errors import (
@@ -33,36 +33,40 @@ from spacearm.errors import (
 )
 from spacearm.mechanics.dynamics import (
     generalized_velocity,
-    inverse_dynamics,
     spacecraft_twist,
 )
+from spacearm.mechanics.floating import STEP, move, walk
+from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.mechanics.target import Target
+from spacearm.mission.braking import Braking, braked, largest_torques, outside
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Tracking
 from spacearm.motion.flights import Flight, Grasp, Phase, simulate_phases
 from spacearm.motion.following import Followed, follow
-from spacearm.motion.goal import out_of_reach
+from spacearm.motion.goal import out_of_reach, twist_between
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.plant import Integration, Plant
 from spacearm.planning.planner import plan
-from spacearm.planning.request import Constraints, Search
+from spacearm.planning.problem import Problem
+from spacearm.planning.request import Constraints, Joints, PlanRequest, Search
 from spacearm.planning.result import Plan
-from spacearm.planning.timing import eased
+from spacearm.planning.strategies.at_rest import by_methods
+from spacearm.planning.strategies.drift import ramp_ends, stretched
+from spacearm.planning.timing import PEAK, eased
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle
-from spacearm.singularities.sets import prove_regular, singular_set
+from spacearm.singularities.sets import singular_set
 
 NODES = 400
 """Poses through which the tip is led while it takes up the target's motion, and closing in."""
 PROVEN = math.radians(20.0)
 """Distance to the singular set that is proven at most [rad]."""
+COARSE, POSTURES, POSTURES_IN = 10, 8, 30.0
+"""The same of an approach that is rehearsed, from so many postures at most, and the time in which
+these are sought, at most [s]."""
 SHARES = (2.0, 6.0, 20.0)
 """Time that is given to each contact on the first, the second and the third pass [s]."""
-BRAKES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
-"""Durations of the braking that are tried [s]."""
-STEPS = 60
-"""Steps in which the braking is integrated."""
 
 
 class Candidate(NamedTuple):
@@ -83,21 +87,6 @@ class Candidate(NamedTuple):
     def to_dict(self) -> dict[str, Any]:
         """Return all fields."""
         return self._asdict()
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Braking(Motion):
-    """The motion by which an arm that holds a target brings its joints to rest.
-
-    Attributes:
-        dq: (m, n) joint rates [rad/s] or [m/s].
-        ddq: (m, n) joint accelerations [rad/s^2] or [m/s^2].
-        momentum: (m, 6) momentum of arm and target, as of `Trajectory`.
-    """
-
-    dq: Array = field(kw_only=True)
-    ddq: Array = field(kw_only=True)
-    momentum: Array = field(kw_only=True)
 
 
 @checked
@@ -214,6 +203,8 @@ class Catch(Result):
             "relative velocity": Measure(float(rates[0]), "m/s", ".1e"),
             "relative angular velocity": Measure(float(rates[1]), "rad/s", ".1e"),
             "largest torques": Measure(self.torque, "N m"),
+            "the grapple bears": Measure(float(self.brake.borne[0]), "N"),
+            "and about it": Measure(float(self.brake.borne[1]), "N m"),
             "angular momentum afterwards": Measure(self.momentum[3:], "N m s"),
             "turns afterwards at": Measure(float(np.linalg.norm(self.tumble)), "rad/s"),
         }
@@ -245,6 +236,7 @@ class Catch(Result):
             "turn_error": self.turn_error,
             "twist_error": self.twist_error,
             "torque": self.torque,
+            "borne": self.brake.borne,
             "momentum": self.momentum,
             "tumble": self.tumble,
             "contacts": self.tried,
@@ -265,6 +257,7 @@ def catch(
     approach: float = 0.2,
     closing: float = 0.05,
     touching: Sequence[str] | None = None,
+    bears: Sequence[float] = (math.inf, math.inf),
     wanted: int = 3,
     constraints: Constraints = Constraints(),
     search: Search = Search(),
@@ -284,6 +277,8 @@ def catch(
             grapple frame [m].
         closing: Mean speed at which it closes in [m/s].
         touching: Links of the arm that may touch the target; if None those that move as the tip.
+        bears: Largest force [N] and largest moment [N m] that the grapple bears at the tip while
+            the arm is braked with the target in its hand.
         wanted: How many catches are found before the best is taken.
         constraints: What must hold on the way, as for `plan`. Rates and torques are those of the
             description, unless rates are given.
@@ -312,7 +307,9 @@ def catch(
         >>> bool(catch.place_error < 1e-6 and abs(catch.twist_error).max() < 1e-5)
         True
     """
-    request = _Request.of(start, target, grapple, window, approach, closing, touching, constraints)
+    request = _Request.of(
+        start, target, grapple, window, approach, closing, touching, bears, constraints
+    )
     begun = time.monotonic()
     ends = begun + search.timeout
     tried, found = dict[tuple[float, str], Candidate](), list[Catch]()
@@ -368,6 +365,7 @@ class _Request:
     approach: float
     closing: float
     touching: tuple[str, ...]
+    bears: Array
     constraints: Constraints
 
     @classmethod
@@ -380,6 +378,7 @@ class _Request:
         approach: float,
         closing: float,
         touching: Sequence[str] | None,
+        bears: Sequence[float],
         constraints: Constraints,
     ) -> _Request:
         """Check what was given."""
@@ -403,6 +402,9 @@ class _Request:
         early, late = finite(window, (2,), "window", "[s], the earliest and the latest contact")
         if not 0.0 <= early <= late:
             raise ConfigurationError(f"window is {window!r}; give two growing times from 0 s on")
+        most = shape_of(bears) == (2,) and np.asarray(bears, dtype=np.float64)
+        if most is False or not (most > 0.0).all():
+            raise ConfigurationError(f"bears is {bears!r}; give a force [N] and a moment [N m] > 0")
         if touching is None:
             touching = arm.tree.lumps[arm.tree.body_of[arm.tip]]
         for link in touching:
@@ -411,7 +413,8 @@ class _Request:
         return cls(
             start, target, tuple(target.grapples) if grapple is None else (grapple,),
             (float(early), float(late)), positive(approach, "approach", "distance [m]"),
-            positive(closing, "closing", "speed [m/s]"), tuple(touching), constraints,
+            positive(closing, "closing", "speed [m/s]"), tuple(touching),
+            np.array(most), constraints,
         )  # fmt: skip
 
     @property
@@ -441,14 +444,16 @@ class _Request:
                 near.append((bool(out_of_reach(self.start, pose)), -facing, float(t), name))
         return [(t, name) for _, _, t, name in sorted(near)]
 
-    def path(self, t: float, grapple: str) -> tuple[list[pin.SE3], Array]:
+    def path(
+        self, t: float, grapple: str, first: pin.SE3 | None = None, nodes: int = NODES
+    ) -> tuple[list[pin.SE3], Array]:
         """Return the poses of the tip from the stand-off to contact at t, and their times [s].
 
-        The first is the stand-off at the beginning, at rest; the tip then takes up the motion of
-        the stand-off, and closes in. All rates begin and end at zero relative to both.
+        The first is where the tip rests, at the stand-off if None; the tip then takes up the motion
+        of the stand-off, and closes in. All rates begin and end at zero relative to both.
         """
         join, close = self.duration
-        clock = np.linspace(0.0, join + close, 2 * NODES + 1)
+        clock = np.linspace(0.0, join + close, 2 * nodes + 1)
         begin = t - clock[-1]
         joined = eased(np.clip(clock / join, 0.0, 1.0))
         away = self.approach * (1.0 - eased(np.clip((clock - join) / close, 0.0, 1.0)))
@@ -457,7 +462,7 @@ class _Request:
             pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, -d]))
             for pose, d in zip(frames, away, strict=True)
         ]
-        first = frames[0]
+        first = frames[0] if first is None else first
         return [_between(first, pose, b) for pose, b in zip(frames, joined, strict=True)], clock
 
     def attempt(self, t: float, grapple: str, search: Search) -> Catch:
@@ -466,11 +471,69 @@ class _Request:
         Raises:
             SpaceArmError: There is none, or none was found.
         """
-        poses, clock = self.path(t, grapple)
-        target = self.target
+        poses, clock = self.path(t, grapple, nodes=1)
         if why := out_of_reach(self.start, poses[-1]):
             raise ImpossibleError(why)
-        reach = self._reach(poses[0], t - float(clock[-1]), search)
+        stands, failed = t - float(clock[-1]), NoSolutionError("no time was left")
+        ends = time.monotonic() + search.timeout
+        for goal in self._ends(t, grapple, poses[0], search):
+            if (left := ends - time.monotonic()) <= 0.0:
+                break
+            try:
+                reach = self._reach(goal, stands, replace(search, timeout=left))
+                return self._caught(t, grapple, reach)
+            except NoSolutionError as error:
+                failed = error
+        raise failed
+
+    def _ends(
+        self, t: float, grapple: str, stand: pin.SE3, search: Search
+    ) -> Iterator[pin.SE3 | Joints]:
+        """Yield goals at the stand-off from which the tip can be led to contact, then its pose.
+
+        The first are postures where straight joint motions end, those from which the approach
+        takes the least of the joints' rates before others.
+        """
+        start, rates = self.start, self.constraints.joint_rates(self.start.arm)
+        request = self._planned(stand, replace(search, timeout=POSTURES_IN))
+        room = rates * (t - sum(self.duration)) / PEAK
+        rng = np.random.default_rng((search.seed, int(1e3 * t)))
+        target = Problem.of(request).target
+        found = ramp_ends(start, target, np.eye(3), room, rng, request.account)
+        known = [(self._rehearsed(t, grapple, move(start, q)), q) for q in found[:POSTURES]]
+        for share, q in sorted(known, key=lambda one: one[0]):
+            if share <= 1.0:
+                yield Joints(q)
+        yield stand
+
+    def _rehearsed(self, t: float, grapple: str, stand: Configuration) -> float:
+        """Return the largest share of their rates that joints take on the approach, in few steps.
+
+        It is infinite if joint limits or the target are in the way.
+        """
+        poses, clock = self.path(t, grapple, stand.tip, COARSE)
+        arm, most = self.start.arm, self.constraints.joint_rates(self.start.arm)
+        rows, share = [stand], 0.0
+        for pose in poses[1:]:
+            here = rows[-1]
+            dq = np.linalg.pinv(generalized_jacobian(here)) @ twist_between(here.tip, pose)
+            share = max(share, float((np.abs(dq) / most).max() / clock[1]))
+            if share > 1.0 or (self.constraints.limits and outside(arm, here.q + dq)):
+                return math.inf
+            rows.append(move(here, here.q + dq))
+        way = Motion(arm, clock, **samples(rows))
+        around = self._as_obstacle(t - float(clock[-1]))
+        met = self.constraints.collisions and collision_check(way, obstacles=around).contact
+        return math.inf if met else share
+
+    def _caught(self, t: float, grapple: str, reach: Plan) -> Catch:
+        """Return the catch at a time by a grapple frame, from a plan to about the stand-off.
+
+        Raises:
+            SpaceArmError: It keeps not all constraints.
+        """
+        target = self.target
+        poses, clock = self.path(t, grapple, reach[-1].tip)
         begin = t - float(clock[-1] + reach.t[-1])
         chase = follow(
             reach[-1], poses[1:], times=clock[1:], at_rest=False, limits=self.constraints.limits
@@ -486,8 +549,17 @@ class _Request:
         v = generalized_velocity(end, chase.dq[-1])
         stack = end.arm.grasp(**_in_hand(target, t, end.tip)).at(end.q, base=end.base)
         held = stack.with_momentum(stack.A @ v)
-        brake, strain = self._brake(held, chase.dq[-1])
-        torque = np.maximum(_torques(chase, chase.dq, chase.ddq, np.zeros(6)), strain)
+        try:
+            brake = braked(
+                held, chase.dq[-1], grasp_of(target, t, end.tip), self.constraints.limits,
+                self.efforts, self.bears,
+            )  # fmt: skip
+        except NoSolutionError as error:
+            raise NoSolutionError(f"with {target.name} in the hand, {error}") from None
+        torque = np.maximum(
+            largest_torques(chase, chase.dq, chase.ddq, np.zeros(6)),
+            np.abs(brake.torque).max(axis=0),
+        )
         self._check_loads("torque", torque, self.efforts)
         off = end.tip.actInv(frame.pose)
         return Catch(
@@ -507,15 +579,35 @@ class _Request:
             tried=(),
         )
 
-    def _reach(self, goal: pin.SE3, t: float, search: Search) -> Plan:
+    def _planned(self, goal: pin.SE3 | Joints, search: Search) -> PlanRequest:
+        """Return what is asked of a plan to the stand-off."""
+        start, constraints = self.start, self.constraints
+        return PlanRequest.of(start, goal, "spacecraft", constraints, search, (), None, None)
+
+    def _straight(self, goal: Joints, t: float, search: Search) -> Plan:
+        """Return the plan of a straight joint motion, no faster than the approach if t allows."""
+        start, way = self.start, np.asarray(goal.q) - self.start.q
+        u = np.linspace(0.0, 1.0, 1 + max(1, math.ceil(np.abs(way).max() / STEP)))
+        rows = walk(start, start.q + u[:, None] * way)
+        request, lasts = self._planned(goal, search), min(t, self.duration[0])
+        found = by_methods(Problem.of(request), {"straight": lambda _: rows})
+        return stretched(found, lasts, request.account) if found.t[-1] < lasts else found
+
+    def _reach(self, goal: pin.SE3 | Joints, t: float, search: Search) -> Plan:
         """Return the plan to the stand-off, until a time; it minds the target if it has to."""
-        reach = plan(self.start, goal, constraints=self.constraints, search=search)
+        straight = isinstance(goal, Joints)
+        if straight:
+            reach = self._straight(goal, t, search)
+        else:
+            reach = plan(self.start, goal, constraints=self.constraints, search=search)
         if (late := float(reach.t[-1]) - t) > 0.0:
             raise NoSolutionError(f"the way to the stand-off takes {late:.3g} s too long")
         duration = min(t, 1.5 * float(reach.t[-1]))
         around = self._as_obstacle(t - float(reach.t[-1]))
         if not self.constraints.collisions or not collision_check(reach, obstacles=around).contact:
             return reach
+        if straight:
+            raise NoSolutionError("the straight way to the stand-off meets the target")
         kept = obstacles_of(self.constraints.obstacles, self.start.arm)
         among = replace(self.constraints, obstacles=(*kept, self._as_obstacle(t - duration)))
         return plan(self.start, goal, duration=duration, constraints=among, search=search)
@@ -538,29 +630,6 @@ class _Request:
         contact = collision_check(motion, obstacles=self._as_obstacle(0.0)).contact
         if contact is not None:
             raise NoSolutionError(f"{' and '.join(contact.links)} meet after {contact.t:.4g} s")
-
-    def _brake(self, held: Configuration, dq: Array) -> tuple[Braking, Array]:
-        """Return the first braking that keeps limits and torques, and its largest torques (n,)."""
-        arm, momentum, why = held.arm, held.momentum, ""
-        for duration in BRAKES:
-            s = np.linspace(0.0, 1.0, STEPS + 1)
-            q = held.q + np.outer(duration * (s - s**3 + 0.5 * s**4), dq)
-            if self.constraints.limits and ((q[-1] < arm.lower) | (q[-1] > arm.upper)).any():
-                why = f"braking in {duration:g} s leads beyond the joint limits"
-                break
-            rates, ddq = np.outer(1 - 3 * s**2 + 2 * s**3, dq), np.outer(6 * (s**2 - s), dq)
-            ddq /= duration
-            motion = _drifting(held, momentum, duration * s, q, rates, ddq)
-            torque = _torques(motion, rates, ddq, momentum)
-            proof = prove_regular(arm, q[[0, -1]])
-            if proof is not None and not proof.free:
-                why = f"braking in {duration:g} s leads through a singular posture"
-                break
-            if (torque <= self.efforts).all():
-                return motion, torque
-            most = float((torque / self.efforts).max())
-            why = f"braking in {duration:g} s takes {most:.3g} times the torque"
-        raise NoSolutionError(f"with {self.target.name} in the hand, {why}")
 
 
 def _between(a: pin.SE3, b: pin.SE3, s: float) -> pin.SE3:
@@ -610,37 +679,3 @@ def _proven(*motions: Motion) -> float:
         if least <= 0.0:
             raise NoSolutionError("it is not proven that the way meets no singularity")
     return least
-
-
-def _drifting(
-    start: Configuration, momentum: Array, t: Array, q: Array, dq: Array, ddq: Array
-) -> Braking:
-    """Return the motion of the spacecraft with momentum while the joints move as given."""
-    arm, com = start.arm, start.com
-    rows = [start]
-    velocity = momentum[:3] / arm.mass
-    for i in range(1, len(t)):
-        h = t[i] - t[i - 1]
-        before = rows[-1]
-        w = spacecraft_twist(before, dq[i - 1])[3:]
-        middle = arm.at(
-            0.5 * (q[i] + q[i - 1]),
-            base=pin.SE3(pin.exp3(0.5 * h * w) @ before.base.rotation, before.base.translation),
-            momentum=momentum,
-        )
-        w = spacecraft_twist(middle, 0.5 * (dq[i] + dq[i - 1]))[3:]
-        turned = pin.SE3(pin.exp3(h * w) @ before.base.rotation, np.zeros(3))
-        there = arm.at(q[i], base=turned)
-        turned.translation = com + t[i] * velocity - there.com
-        rows.append(arm.at(q[i], base=turned, momentum=momentum))
-    kept = np.tile(momentum, (len(t), 1))
-    return Braking(arm, t, **samples(rows), dq=dq, ddq=ddq, momentum=kept)
-
-
-def _torques(motion: Motion, dq: Array, ddq: Array, momentum: Array) -> Array:
-    """Return the largest torques (n,) of a motion [N m] or [N]."""
-    rows = np.unique(np.linspace(0, len(motion) - 1, STEPS).astype(int))
-    taus = [
-        inverse_dynamics(motion[int(i)].with_momentum(momentum), dq[i], ddq[i]).tau for i in rows
-    ]
-    return np.abs(taus).max(axis=0)

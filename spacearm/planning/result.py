@@ -275,7 +275,13 @@ class Plan(Motion):
     def story(self) -> str:
         """The method that found the plan, its joint travel and its duration, in one line."""
         way = f"{self.method}: {self.travel}, {self.t[-1]:.3g} s"
-        return way if self.apart else f"{way}, collisions NOT checked"
+        return f"{way}{self._unchecked}" if self.apart else f"{way}, collisions NOT checked"
+
+    @property
+    def _unchecked(self) -> str:
+        """What a check of collisions left out, after a semicolon; empty if nothing."""
+        _, semicolon, left = self.checked.partition("; ")
+        return semicolon + left
 
     @property
     def momentum_on_board(self) -> Array:
@@ -298,7 +304,9 @@ class Plan(Motion):
         """Describe the motion, what is proven of it, and the methods that were tried."""
         motion = super().describe()
         met = {True: "none, proven", False: "not proven", None: "not checked"}
-        apart = "none between the bodies checked, proven" if self.apart else met[self.apart]
+        apart = met[self.apart]
+        if self.apart and self._unchecked:
+            apart = f"none between the bodies checked, proven{self._unchecked}"
         proof = None if self.certificate is None else bool(self.certificate)
         facts: dict[str, Cell] = {
             "singularities": met[proof],
@@ -318,7 +326,7 @@ class Plan(Motion):
         tried = [(a.method, "arrives" if a.arrived else "fails", a.story) for a in self.tried]
         return replace(
             motion,
-            verdict=f"planned by {self.method}: {self.travel}, {self.t[-1]:.4g} s",
+            verdict=f"planned by {self.method}: {self.travel}, {self.t[-1]:.4g} s{self._unchecked}",
             notes=[
                 *motion.notes,
                 self.checked,

@@ -300,5 +300,7 @@ def draw_collision_report(result: CollisionReport, *, ax: Any = None) -> Figure:
         axes.axhline(0.0, color=RED, lw=1.2)
         axes.set(xlabel="time [s]", ylabel=label)
     a, b = result.nearest
-    entitle(axes, f"{'apart, proven' if result.apart else 'bodies meet'}; nearest:\n{a}, {b}")
+    left = f" ({len(result.unchecked)} links NOT checked)" * bool(result.unchecked)
+    verdict = f"apart, proven{left}" if result.apart else "bodies meet"
+    entitle(axes, f"{verdict}; nearest:\n{a}, {b}")
     return axes.figure

@@ -256,7 +256,7 @@ class Servo:
             q, turn = posture.q, pin.SE3ToXYZQUAT(posture.base)[3:]
             momentum = posture.momentum - posture.stored
         else:
-            given, base = posture
+            given, base = _pair(posture)
             q, turn = _numbers(given, (n,), "q"), _quaternion(base)
         rows = self.arm.task.indices
         if len(rows) != 6 * tips and shape_of(twist) == (len(rows),):
@@ -278,7 +278,7 @@ class Servo:
         Raises:
             ConfigurationError: The posture does not make sense.
         """
-        cfg = posture if isinstance(posture, Configuration) else self.arm.at(posture[0])
+        cfg = posture if isinstance(posture, Configuration) else self.arm.at(_pair(posture)[0])
         if cfg.arm is not self.arm:
             raise ConfigurationError(
                 f"the posture is of {cfg.arm.name}, the servo of {self.arm.name}"
@@ -369,6 +369,13 @@ def _limits(arm: SpaceArm, values: npt.ArrayLike, name: str) -> Array:
             f"{listed(arm.joint_names)}"
         )
     return np.minimum(found, UNLIMITED)
+
+
+def _pair(posture: object) -> tuple[Any, Any]:
+    """Return (q, base) as they are given."""
+    if not isinstance(posture, (tuple, list)) or len(posture) != 2:
+        raise ConfigurationError(f"posture is {shown(posture)}; give a configuration, or (q, base)")
+    return posture[0], posture[1]
 
 
 def _numbers(values: npt.ArrayLike, shape: tuple[int, ...], name: str) -> Array:

@@ -271,6 +271,8 @@ MOST_MINORS = 500
 """Largest number of maximal minors."""
 MOST_COEFFICIENTS = 1_000_000
 """Largest number of coefficients of minors that are used together."""
+MOST_OF_TWO = 4_000_000
+"""The same of two, the fewest that tell a path across the roots of one from a singular one."""
 MOST_OF_SEVERAL_TIPS = 20_000
 """The same of several tips, for a proof that nobody has asked for by itself."""
 BASES = 3
@@ -328,8 +330,19 @@ class Minors:
         return self._size(list(self.degrees))
 
     def every(self) -> list[Jets]:
-        """Return all minors that do not vanish identically."""
-        return self._together(list(self.degrees))
+        """Return all minors that do not vanish identically, or as many as may be kept.
+
+        Of too many those with the fewest coefficients: where one of them is not zero the arm is
+        regular, as with all; where these are zero, others may tell.
+
+        Raises:
+            UnsupportedError: They are of several tips and too many, or two alone are too large.
+        """
+        own = sorted(self.degrees, key=lambda C: self._size([C]))
+        if len(self.arm.tips) > 1:
+            return self._together(own, MOST_COEFFICIENTS)
+        sizes = np.cumsum([self._size([C]) for C in own])
+        return self._together(own[: max(2, int((sizes <= MOST_COEFFICIENTS).sum()))], MOST_OF_TWO)
 
     @cached_property
     def few(self) -> list[Jets]:
@@ -339,18 +352,18 @@ class Minors:
         """
         bases = combinations(range(self.arm.n), self.arm.task.k - 1)
         choices = [own for own in map(self._minors_with, bases) if len(own) >= self.codimension]
-        return self._together(min(choices, key=self._size)) if choices else []
+        return self._together(min(choices, key=self._size), MOST_COEFFICIENTS) if choices else []
 
-    def _together(self, columns: list[Columns]) -> list[Jets]:
+    def _together(self, columns: list[Columns], most: int) -> list[Jets]:
         """Return several minors.
 
         Raises:
             UnsupportedError: They have too many coefficients.
         """
-        if (size := self._size(columns)) > MOST_COEFFICIENTS:
+        if (size := self._size(columns)) > most:
             raise UnsupportedError(
                 f"{self.arm.name}: {len(columns)} minors of J* have {size:.3g} coefficients, of "
-                f"which {MOST_COEFFICIENTS:.0e} at most are kept; lock joints"
+                f"which {most:.0e} at most are kept; lock joints"
             )
         return [self[C] for C in columns]
 

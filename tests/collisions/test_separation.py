@@ -385,6 +385,8 @@ def test_a_missing_mesh_is_no_proof(tmp_path):
         arm = boxy(tmp_path, '<mesh filename="nowhere.stl"/>')
     plan = sa.plan(arm.at([0.3, 1.0]), sa.Joints([0.5, 1.2]))
     assert plan.checked.endswith("NOT checked, without shapes: hull")
+    assert plan.story.endswith("; NOT checked, without shapes: hull")
+    assert plan.describe().verdict.endswith("; NOT checked, without shapes: hull")
 
 
 def test_the_verdict_names_the_links_that_were_not_checked(arm):

@@ -5,6 +5,8 @@ import pinocchio as pin
 import pytest
 
 import spacearm as sa
+from spacearm.mission.braking import braked
+from spacearm.mission.catching import grasp_of
 
 START = np.array([0.0, 0.6, 0.0, 1.2, 0.0, 0.8, 0.0])
 RING = sa.pose((0, 0, -0.45))
@@ -90,6 +92,49 @@ def test_in_flight_nothing_strikes_and_the_momentum_is_that_of_the_target(caught
     np.testing.assert_allclose(spin, caught.tumble, rtol=0, atol=1e-3 * np.linalg.norm(spin))
 
 
+def test_what_the_grapple_bears_changes_the_momentum_of_the_target(caught):
+    """The integral of the wrench on the target, about the origin, is what its momentum changes."""
+    brake, target, end = caught.brake, caught.target, caught.brake[-1]
+    tips = [cfg.tip for cfg in brake]
+    force = np.array([T.rotation @ x[:3] for T, x in zip(tips, brake.wrench, strict=True)])
+    moment = [
+        T.rotation @ x[3:] + np.cross(T.translation, f)
+        for T, x, f in zip(tips, brake.wrench, force, strict=True)
+    ]
+    given = np.trapezoid(np.hstack((force, moment)), brake.t, axis=0)
+    met = target.at(caught.t).pose
+    after = end.tip * brake[0].tip.actInv(met)  # held by the hand
+
+    def momentum(pose, v, w):
+        R = pose.rotation
+        spin = R @ target.inertia @ R.T @ w
+        return np.concatenate((v, np.cross(pose.act(target.com), v))) * target.mass + np.append(
+            np.zeros(3), spin
+        )
+
+    w = target.at(caught.t).twist[3:]
+    drift = caught.momentum[:3] / brake.arm.mass
+    v = drift + np.cross(caught.tumble, after.act(target.com) - end.com)
+    change = momentum(after, v, caught.tumble) - momentum(met, target.cm[1], w)
+    for part in (slice(3), slice(3, 6)):
+        size = np.linalg.norm(change[part])
+        np.testing.assert_allclose(given[part], change[part], rtol=0, atol=0.01 * size)
+
+
+def test_a_weaker_grapple_is_braked_more_slowly(caught):
+    """A limit below what the braking found takes bears at most that, and longer."""
+    held = caught.brake[0].with_momentum(caught.momentum)
+    body = grasp_of(caught.target, caught.t, held.tip)
+    efforts = np.full(7, 200.0)
+    tumbling_on = np.linalg.norm(caught.brake.wrench[[0, -1]].reshape(2, 2, 3), axis=2).max(axis=0)
+    weak = 0.5 * (tumbling_on + caught.brake.borne)
+    slower = braked(held, caught.chase.dq[-1], body, True, efforts, weak)
+    assert slower.t[-1] > caught.brake.t[-1]
+    assert (slower.borne <= weak).all()
+    with pytest.raises(sa.NoSolutionError, match="of the grapple"):
+        braked(held, caught.chase.dq[-1], body, True, efforts, 1e-6 * weak)
+
+
 @pytest.mark.slow
 def test_a_target_heavier_than_planned_is_caught_with_its_own_momentum(caught):
     """The plastic impact of the grasp takes the actual body; energy is lost, none is won."""
@@ -120,6 +165,8 @@ def test_nothing_in_reach_is_said_for_each_contact():
         (lambda s, t: sa.catch(s, t, approach=-1.0), "approach"),
         (lambda s, t: sa.catch(s, t, closing=0.0), "closing"),
         (lambda s, t: sa.catch(s, t, touching=["palm"]), "palm"),
+        (lambda s, t: sa.catch(s, t, bears=(10.0, 0.0)), "bears"),
+        (lambda s, t: sa.catch(s, t, bears=[3.0]), "bears"),
         (lambda s, t: sa.catch(s.with_momentum([0, 0, 0, 0, 0, 1]), t), "momentum"),
         (lambda _, t: sa.catch(sa.load("planar2").at([0.3, 1.2]), t), "pose"),
         (lambda s, _: sa.catch(s, "debris"), "Target"),

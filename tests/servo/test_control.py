@@ -5,9 +5,10 @@ import pytest
 
 import spacearm as sa
 
-PERIOD = sa.Sampling(period=0.01)
+PERIOD, NOTHING = sa.Sampling(period=0.01), sa.Integration(events=())
 
 
+@pytest.mark.slow
 def test_a_simulated_arm_follows_the_servo_and_stays_off_the_set():
     arm = sa.load("planar2")
     control = sa.ServoControl(servo=sa.Servo(arm, rates=0.5, accelerations=1.0), twist=[0.1, 0.0])
@@ -33,7 +34,7 @@ def test_the_wish_may_depend_on_time_and_posture():
         return [0.05 * np.sin(t), 0.0]
 
     control = sa.ServoControl(servo=sa.Servo(arm), twist=wished)
-    sa.simulate(arm.at([0.3, 1.2]), control, 0.2, sampling=PERIOD)
+    sa.simulate(arm.at([0.3, 1.2]), control, 0.2, sampling=PERIOD, integration=NOTHING)
     np.testing.assert_allclose([t for t, _ in seen], 0.01 * np.arange(20), rtol=0, atol=1e-9)
 
 
@@ -41,6 +42,6 @@ def test_it_is_not_called_at_other_times_than_its_own():
     arm = sa.load("planar2")
     control = sa.ServoControl(servo=sa.Servo(arm), twist=[0.1, 0.0])
     with pytest.raises(sa.NoSolutionError, match=r"sampling=sa.Sampling\(period=0.01\)"):
-        sa.simulate(arm.at([0.3, 1.2]), control, 0.5)
+        sa.simulate(arm.at([0.3, 1.2]), control, 0.5, integration=NOTHING)
     with pytest.raises(sa.ConfigurationError, match="period"):
         sa.ServoControl(servo=control.servo, twist=[0.1, 0.0], period=0.0)

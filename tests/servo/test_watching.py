@@ -42,9 +42,9 @@ def test_it_warns_when_stop_is_so_far_ahead():
 
 
 def test_jumps_are_searched_anew():
-    arm = sa.load("mda6")
+    arm = sa.load("planar2")
     rng = np.random.default_rng(1)
-    states = [{"t": float(i), "q": rng.uniform(-1.5, 1.5, 6)} for i in range(4)]
+    states = [{"t": float(i), "q": rng.uniform(-3.0, 3.0, 2)} for i in range(4)]
     for one, state in zip(sa.Servo(arm).watch(states), states, strict=True):
         found = sa.singular_set(arm).nearest(state["q"])
         np.testing.assert_allclose(one.distance, found.distance, rtol=1e-3, atol=1e-6)

@@ -579,3 +579,27 @@ def test_where_few_minors_vanish_the_others_decide():
     proof = prove_regular(arm, q + np.outer([-0.3, 0.3], np.ones(7)))
     assert not proof.free
     np.testing.assert_allclose(proof.at, q, atol=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("n", "task"), [(6, "position"), (7, "position"), (8, "pose")])
+def test_paths_of_arms_with_millions_of_coefficients_are_proven_free(n, task):
+    """By the smallest minors: free where sigma_min is not small, never through a singular one."""
+    arm = chain(5, n, task)
+    assert minors_of(arm, "free-floating").size > 5e6
+    found, rng = sa.singular_set(arm), np.random.default_rng(n)
+    way = np.vstack((np.zeros(n), rng.uniform(-1.0, 1.0, n)))
+    assert found.is_free(way)
+    assert min(sigma_ratio(arm, way[0] + s * way[1]) for s in np.linspace(0.0, 1.0, 50)) > 1e-6
+    singular = lose_rank(arm, rng.uniform(-np.pi, np.pi, n), "free-floating")
+    step = 0.2 * rng.normal(size=n)
+    through = np.vstack((singular - step, singular, singular + step))
+    proof = found.clearance(through)
+    assert not proof.free
+    np.testing.assert_allclose(proof.at, singular, atol=1e-5)
+
+
+def test_paths_of_arms_with_larger_minors_are_refused_with_their_size():
+    found = sa.singular_set(chain(6, 8, "position"))
+    with pytest.raises(sa.UnsupportedError, match=r"2 minors of J\* have .*e\+07 .* at most"):
+        found.is_free(np.zeros((2, 8)))

@@ -1,0 +1,177 @@
+"""Catching: how many random targets with a known catch are caught, in what time, and how exactly.
+
+The known catch is drawn first: a straight joint motion to a random posture, where the tip is at the
+stand-off of a tumbling target; the target is what it must be then, its motion run backwards. Those
+are kept whose approach from there keeps the limits and meets nothing. `sa.catch` is given the
+target and a window, and its catch is replayed by what it shares nothing with: joint splines,
+Pinocchio's momentum matrices and DOP853 for the spacecraft, and for the target Euler's equations.
+
+    python benchmarks/catching.py [targets of each arm] [arm ...]
+"""
+
+import sys
+import time
+
+import numpy as np
+import pinocchio as pin
+from planning import random_arm
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+import spacearm as sa
+
+APPROACH, CLOSING = 0.2, 0.05
+WINDOW = (10.0, 120.0)
+STARTS = {
+    "chaser7": [0.0, 0.6, 0.0, 1.2, 0.0, 0.8, 0.0],
+    "servicer_ur5": [0.0, -1.2, 1.6, -0.4, 1.2, 0.0],
+}
+
+
+def still(cfg: sa.Configuration) -> sa.Motion:
+    """Return a motion that stays where it is."""
+    return sa.Motion(cfg.arm, [0.0, 1.0], [cfg.q] * 2, [pin.SE3ToXYZQUAT(cfg.base)] * 2)
+
+
+def known(start: sa.Configuration, rng: np.random.Generator) -> sa.Target | None:
+    """Return a target with a known catch, None where the one drawn keeps no limits."""
+    arm = start.arm
+    q = np.clip(start.q + rng.uniform(-1.2, 1.2, arm.n), arm.lower, arm.upper)
+    there = sa.move(start, q)
+    if sa.singularity(there).distance < np.radians(5.0):
+        return None
+    if sa.collision_check(still(there)).contact:
+        return None
+    mass = rng.uniform(20.0, 150.0)
+    size = (mass / 200.0) ** (1 / 3) * rng.uniform(0.7, 1.3, 3)
+    ring = sa.pose((0.0, 0.0, -size[2] / 2))
+    w, v = (x / np.linalg.norm(x) for x in rng.normal(size=(2, 3)))
+    w, v = w * np.radians(rng.uniform(0.5, 5.0)), v * rng.uniform(0.0, 0.02)
+    place = there.tip * sa.pose((0.0, 0.0, APPROACH)) * ring.inverse()
+    bus = sa.Bus(mass, size=tuple(size), name="debris")
+    met = sa.Target(bus, place, twist=(*v, *w), grapples={"ring": ring})
+    begin = rng.uniform(20.0, 90.0)
+    before = met.at(-begin)
+    target = met.replace(pose=before.pose, twist=before.twist)
+    join = close = APPROACH / CLOSING
+    clock = np.linspace(0.0, join + close, 161)[1:]
+
+    def ease(u: float) -> float:
+        u = min(max(u, 0.0), 1.0)
+        return u**3 * (10.0 + u * (6.0 * u - 15.0))
+
+    poses = []
+    for s in clock:
+        away = APPROACH * (1.0 - ease((s - join) / close))
+        goal = target.at(begin + s, "ring").pose * sa.pose((0.0, 0.0, -away))
+        b, first = ease(s / join), there.tip
+        turn = pin.exp3(b * pin.log3(goal.rotation @ first.rotation.T))
+        poses.append(
+            pin.SE3(turn @ first.rotation, (1 - b) * first.translation + b * goal.translation)
+        )
+    chase = sa.follow(there, poses, times=clock, at_rest=False)
+    rates = sa.Constraints().joint_rates(arm)
+    if not chase.arrived or (np.abs(chase.dq) > rates).any():
+        return None
+    tip = arm.tree.lumps[arm.tree.body_of[arm.tip]]
+    around = sa.Obstacle.of_target(target, begin=begin, may_touch=tip)
+    if sa.collision_check(chase, obstacles=around).contact:
+        return None
+    lasts = 2.0 * float(np.max(np.abs(q - start.q) / rates)) + 1.0
+    if lasts > begin:
+        return None
+    around = sa.Obstacle.of_target(target, begin=begin - lasts, may_touch=tip)
+    way = sa.Motion(
+        arm,
+        np.linspace(0.0, lasts, 41),
+        Q := start.q + np.linspace(0.0, 1.0, 41)[:, None] * (q - start.q),
+        [pin.SE3ToXYZQUAT(sa.move(start, x).base) for x in Q],
+    )
+    return None if sa.collision_check(way, obstacles=around).contact else target
+
+
+def replayed(catch: sa.Catch) -> np.ndarray:
+    """Return how far tip and frame are apart at contact [m], [rad], [m/s], [rad/s]."""
+    arm, com = catch.arm, catch.plan[0].com
+
+    def moved(T: pin.SE3, motion: sa.Motion) -> pin.SE3:
+        way = CubicSpline(motion.t, motion.q) if motion is catch.chase else motion.spline
+
+        def rate(t: float, x: np.ndarray) -> np.ndarray:
+            turn = pin.Quaternion(x / np.linalg.norm(x))
+            cfg = arm.at(way(t), base=pin.SE3(turn, np.zeros(3))).centred(com)
+            A_b, A_q = sa.momentum_matrix(cfg)
+            w = -np.linalg.solve(A_b, A_q @ way(t, 1))[3:]
+            return 0.5 * (pin.Quaternion(0.0, *w) * turn).coeffs()
+
+        x = pin.Quaternion(T.rotation).coeffs()
+        run = solve_ivp(rate, motion.t[[0, -1]], x, "DOP853", rtol=1e-9, atol=1e-11)
+        return pin.SE3(pin.Quaternion(run.y[:, -1]).normalized(), np.zeros(3))
+
+    T = moved(moved(catch.plan[0].base, catch.plan), catch.chase)
+    end = arm.at(catch.chase.q[-1], base=T).centred(com)
+    target = catch.target
+    I = target.inertia
+
+    def tumble(_: float, y: np.ndarray) -> np.ndarray:
+        turn, w = pin.Quaternion(y[:4] / np.linalg.norm(y[:4])), y[4:]
+        spin = 0.5 * (turn * pin.Quaternion(0.0, *w)).coeffs()
+        return np.concatenate((spin, np.linalg.solve(I, np.cross(I @ w, w))))
+
+    R0, w0 = target.pose.rotation, target.twist[3:]
+    y0 = np.concatenate((pin.Quaternion(R0).coeffs(), R0.T @ w0))
+    y = solve_ivp(tumble, (0.0, catch.t), y0, "DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+    R = pin.Quaternion(y[:4]).normalized().matrix()
+    v = target.twist[:3] + np.cross(w0, R0 @ target.com)
+    cm = target.pose.translation + R0 @ target.com + catch.t * v
+    local = target.frame(catch.grapple)
+    lever, w = R @ (local.translation - target.com), R @ y[4:]
+    off = end.tip.actInv(pin.SE3(R @ local.rotation, cm + lever))
+    slip = sa.generalized_jacobian(end) @ catch.chase.dq[-1]
+    slip -= np.concatenate((v + np.cross(w, lever), w))
+    parts = (off.translation, pin.log3(off.rotation), slip[:3], slip[3:])
+    return np.array([np.linalg.norm(part) for part in parts])
+
+
+def main(count: int, names: list[str]) -> None:
+    """Print the figures of each arm."""
+    for name in names:
+        arm = random_arm(False, 7, 1).replace(base_mass=200.0) if name == "7R" else sa.load(name)
+        rng = np.random.default_rng(0)
+        q = STARTS.get(name)
+        while q is None:
+            x = rng.uniform(-1.0, 1.0, arm.n) * np.minimum(1.5, arm.upper)
+            far = sa.singularity(arm.at(x)).distance > 0.2
+            q = x if far and not sa.collision_check(still(arm.at(x))).contact else None
+        start = arm.at(q)
+        took, missed, drawn = list[float](), list[np.ndarray](), 0
+        for number in range(count):
+            target = None
+            while target is None:
+                drawn += 1
+                target = known(start, rng)
+            begun, used = time.perf_counter(), time.process_time()
+            try:
+                catch = sa.catch(start, target, window=WINDOW, search=sa.Search(seed=number))
+            except sa.NoSolutionError as error:
+                told = "\n    ".join(f"{c.t:.4g}: {c.story[:180]}" for c in error.best)
+                print(f"  {name} {number}: not caught\n    {told}", flush=True)
+                continue
+            took.append(time.perf_counter() - begun)
+            missed.append(replayed(catch))
+            print(
+                f"  {name} {number}: {took[-1]:.1f} s ({time.process_time() - used:.1f} s)"
+                f" t={catch.t:.1f} {missed[-1]}",
+                flush=True,
+            )
+        half, most = np.quantile(took, [0.5, 0.9])
+        print(f"{name}: {len(took)} of {count} caught, {drawn} drawn")
+        print(f"  median {half:.3g} s, nine of ten in {most:.3g} s")
+        off, turn, slip, spin = np.max(missed, axis=0)
+        print(f"  at contact {off:.1e} m and {np.degrees(turn):.1e} deg off,", end=" ")
+        print(f"{slip:.1e} m/s and {spin:.1e} rad/s too fast")
+
+
+if __name__ == "__main__":
+    given = sys.argv[1:]
+    main(int(given[0]) if given else 100, given[1:] or ["chaser7", "servicer_ur5", "7R"])
