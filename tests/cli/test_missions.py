@@ -117,6 +117,7 @@ side = {xyz = [-0.35, 0, 0], rpy = [0, 1.5707963, 0]}
 """
 
 
+@pytest.mark.slow
 def test_a_tumbling_target_is_caught(tmp_path):
     (tmp_path / "debris.toml").write_text(TARGET)
     words = ("catch", "chaser7", 0, 0.6, 0, 1.2, 0, 0.8, 0, "--target", "debris.toml")

@@ -61,6 +61,7 @@ def test_the_distance_proven_is_no_more_than_what_a_search_finds(caught):
         assert found.nearest(q).distance >= caught.distance_proven
 
 
+@pytest.mark.slow
 def test_in_flight_nothing_strikes_and_the_momentum_is_that_of_the_target(caught):
     """Simulated: no energy is lost, momentum of parts stays through contact, the joints rest."""
     flight, target = caught.fly(), caught.target

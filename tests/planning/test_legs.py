@@ -33,7 +33,8 @@ def test_the_tip_passes_the_goals_on_the_way(arm):
     assert [a.story[:5] for a in plan.tried if a.arrived] == ["leg 1", "leg 2", "leg 3"]
 
 
-@pytest.mark.parametrize("name", ["planar3", pytest.param("mda6", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["planar3", "mda6"])
 def test_the_tip_passes_the_goals_on_the_way_as_flown(name):
     arm = sa.load(name)
     q = np.radians([20.0, 60.0, -100.0, -50.0, 30.0, 10.0])[: arm.n]

@@ -288,7 +288,13 @@ def test_options_reach_the_drawing(few):
 
 
 @pytest.mark.parametrize(
-    ("what", "takes"), [("a map", "none"), ("a workspace", "path, profile"), ("a plan", "target")]
+    ("what", "takes"),
+    [
+        ("a reaction", "none"),
+        ("a map", "box"),
+        ("a workspace", "path, profile"),
+        ("a plan", "target"),
+    ],
 )
 def test_an_unknown_option_is_named(few, what, takes):
     with pytest.raises(sa.ConfigurationError, match=f"no option 'colour'; it takes: {takes}"):
