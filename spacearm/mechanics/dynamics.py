@@ -30,7 +30,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite
+from spacearm.arrays import Array, finite, positive
 from spacearm.errors import ConfigurationError, ModelError, unknown
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
@@ -508,6 +508,7 @@ def capture(
         raise ConfigurationError(unknown("joints", joints, get_args(JointState)))
     still_wheels(cfg, "how their motors bear an impact is not known; take them as joints")
     rates = np.zeros(cfg.arm.n) if dq is None else dq
+    mass = positive(mass, "mass", "mass [kg]")
     before = generalized_velocity(cfg, rates)
     held = cfg.arm.grasp(mass, inertia, com).at(cfg.q, base=cfg.base)
     R = cfg.tip.rotation
