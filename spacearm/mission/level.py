@@ -129,6 +129,8 @@ class LevelReach(Result):
         goals = [as_goal(cfg, pose) for pose in poses]
         return follow(cfg, goals, limits=self.limits)
 
+    not_checked = "collisions"
+
     def describe(self) -> Description:
         """Describe how far straight and broken lines lead the tip."""
         unit, reach = "m³" if self.axis is None else "m²", self.straight
@@ -144,6 +146,7 @@ class LevelReach(Result):
             title=f"{self.arm.name}, turned by at most {np.degrees(self.tilt):.3g}°",
             verdict=f"straight lines from {reach.min():.4g} to {reach.max():.4g} m",
             tables=[Table.facts(facts)],
+            not_checked=self.not_checked,
         )
 
 
@@ -179,6 +182,8 @@ class LevelEnvelope(Result):
     followed: Array
     same_density: bool
 
+    not_checked = "collisions"
+
     def describe(self) -> Description:
         """Describe the turn of the bus and the reach of the tip, by the mass of the bus."""
         pairs = zip(self.turn, self.base_mass, strict=True)
@@ -196,6 +201,7 @@ class LevelEnvelope(Result):
             title=self.arm.name,
             verdict=f"{self.travel:g} m of the tip turn the bus by {turns}",
             tables=[Table.by_columns(columns)],
+            not_checked=self.not_checked,
         )
 
 

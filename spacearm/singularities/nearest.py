@@ -112,6 +112,8 @@ class NearestSingular(Result):
 
     JSON: ClassVar[Mapping[str, str]] = {"q": "nearest", "start": "q"}
 
+    not_checked = "collisions"
+
     def describe(self) -> Description:
         """Describe the configuration, and what is proven of the distance."""
         slides = self.arm.slides
@@ -126,6 +128,7 @@ class NearestSingular(Result):
                 payload_note(self.arm, self.mode),
             ],
             tables=[Table.by_columns(columns)],
+            not_checked=self.not_checked,
         )
 
 
