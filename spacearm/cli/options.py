@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -439,5 +440,5 @@ def _number(word: str | float) -> float:
     try:
         return float(word)
     except ValueError:
-        kind = "option" if str(word).startswith("--") else "number"
+        kind = "option" if re.match(r"--?[A-Za-z]", str(word)) else "number"
         raise ConfigurationError(f"{word!r} is no {kind} of this command; see --help") from None
