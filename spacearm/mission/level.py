@@ -37,7 +37,7 @@ MOST = {2: 60, 3: 12}
 """Most cells from the tip's start to the border of what is searched."""
 STATES = 2
 """States that are kept of each cell: the spacecraft's attitude there depends on the way."""
-FOLLOWING = Settings(tolerance=1e-8, stride=0.01)
+FOLLOWING = Settings(tolerance=1e-8, stride=0.01, least_stride=1e-3)
 """How accurately lines are followed."""
 
 Integers = npt.NDArray[np.int64]
