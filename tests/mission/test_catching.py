@@ -133,9 +133,7 @@ def test_a_weaker_grapple_is_braked_more_slowly(caught):
     while not np.isfinite(weak).any():
         brake = braked(held, rates, body, True, efforts, np.full(2, np.inf))
         tumbling_on = np.linalg.norm(brake.wrench[[0, -1]].reshape(2, 2, 3), axis=2).max(axis=0)
-        weak = np.where(
-            brake.borne > 1.5 * tumbling_on, 0.5 * (tumbling_on + brake.borne), np.inf
-        )
+        weak = np.where(brake.borne > 1.5 * tumbling_on, 0.5 * (tumbling_on + brake.borne), np.inf)
         rates = 0.5 * rates
     slower = braked(held, 2.0 * rates, body, True, efforts, weak)
     assert slower.t[-1] > brake.t[-1]
