@@ -78,8 +78,7 @@ sweep: sweeps.run_study
 """
 """Name and place of each command, and its summary."""
 COMMANDS = {
-    name: (place, summary)
-    for name, place, summary in re.findall(r"(\w+): (\S+)\n    (.+)", TABLE)
+    name: (place, summary) for name, place, summary in re.findall(r"(\w+): (\S+)\n    (.+)", TABLE)
 }
 """The same by name: a module is imported when its command is called."""
 HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
