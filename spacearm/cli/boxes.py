@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 
 from spacearm.arrays import Array
 from spacearm.cli.options import (
@@ -16,12 +14,12 @@ from spacearm.cli.options import (
     Picture,
     Spacecraft,
     SpacecraftMode,
+    Written,
     configuration,
     joint_values,
     numbers,
     on_a_model,
     radians,
-    to_write,
 )
 from spacearm.cli.output import answer, kept, out, print_description, print_result, working
 from spacearm.errors import ConfigurationError
@@ -37,39 +35,28 @@ from spacearm.singularities.joint_boxes import free_box
 def find_box(
     arm: SpaceArm,
     q: JointValues = None,
-    motion: Annotated[
-        Path | None,
-        typer.Option(help="A saved motion that the ranges hold, in place of a posture."),
-    ] = None,
-    widest: Annotated[
-        list[str] | None,
-        typer.Option(help="Joint whose range grows first; may be repeated.", metavar="JOINT"),
-    ] = None,
-    at_least: Annotated[
-        float | None,
-        typer.Option(help="Width that all ranges must have [rad], with --deg in degrees."),
-    ] = None,
-    clearance: Annotated[
-        float,
-        typer.Option(
-            help="How far singular postures are from all in the ranges [rad], with --deg in "
-            "degrees."
-        ),
-    ] = 0.0,
+    motion: Path | None = None,
+    widest: list[str] | None = None,
+    at_least: float | None = None,
+    clearance: float = 0.0,
     no_limits: NoLimits = False,
     mode: SpacecraftMode = Spacecraft.FREE,
-    save: Annotated[
-        Path | None,
-        typer.Option(help="Write the ranges to a TOML file.", metavar="TOML", callback=to_write),
-    ] = None,
-    urdf: Annotated[
-        Path | None,
-        typer.Option(help="Write the robot with the ranges as its limits.", callback=to_write),
-    ] = None,
+    save: Written = None,
+    urdf: Written = None,
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find joint ranges about a posture or a motion in which no posture is singular, proven."""
+    """Find joint ranges about a posture or a motion in which no posture is singular, proven.
+
+    Options:
+        motion: A saved motion that the ranges hold, in place of a posture.
+        widest (JOINT): Joint whose range grows first; may be repeated.
+        at_least: Width that all ranges must have [rad], with --deg in degrees.
+        clearance: How far singular postures are from all in the ranges [rad], with --deg in
+            degrees.
+        save (TOML): Write the ranges to a TOML file.
+        urdf: Write the robot with the ranges as its limits.
+    """
     if motion is not None and q:
         raise ConfigurationError("joint values and --motion are both given; give one of them")
     about = configuration(arm, q, None, deg) if motion is None else Motion.load(motion, arm)
@@ -77,9 +64,9 @@ def find_box(
         box = free_box(
             about,
             joints=widest or (),
-            at_least=radians(at_least, deg),
+            at_least=radians(at_least, deg, None),
             within=_everywhere(arm) if no_limits else None,
-            clearance=radians(clearance, deg) or 0.0,
+            clearance=radians(clearance, deg, 0.0),
             mode=mode.value,
             progress=progress,
         )
@@ -93,33 +80,11 @@ def find_box(
 def cover_by_boxes(
     arm: SpaceArm,
     q: JointValues = None,
-    to: Annotated[
-        str | None,
-        typer.Option(
-            help="Find a way through the boxes from the joint values given to these.",
-            metavar="Q1,Q2,...",
-        ),
-    ] = None,
-    way: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write this way to a CSV file [rad], [m]; `spacearm path` takes it.",
-            metavar="CSV",
-            callback=to_write,
-        ),
-    ] = None,
-    share: Annotated[
-        float, typer.Option(help="Share of the joint range to cover, up to 1.")
-    ] = SHARE,
-    most: Annotated[int, typer.Option(help="Largest number of cells, halved ones too.")] = MOST,
-    keep: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write the boxes to this file; if it is there, go on from what it holds.",
-            metavar="NPZ",
-            callback=to_write,
-        ),
-    ] = None,
+    to: str | None = None,
+    way: Written = None,
+    share: float = SHARE,
+    most: int = MOST,
+    keep: Written = None,
     no_limits: NoLimits = False,
     mode: SpacecraftMode = Spacecraft.FREE,
     output: Picture = None,
@@ -129,6 +94,13 @@ def cover_by_boxes(
     """Cover regular postures by joint ranges without singular posture, and find ways through.
 
     All is proven, rounding included. Ctrl-C keeps what is covered.
+
+    Options:
+        to (Q1,Q2,...): Find a way through the boxes from the joint values given to these.
+        way (CSV): Write this way to a CSV file [rad], [m]; `spacearm path` takes it.
+        share: Share of the joint range to cover, up to 1.
+        most: Largest number of cells, halved ones too.
+        keep (NPZ): Write the boxes to this file; if it is there, go on from what it holds.
     """
     if (to is None) != (not q) or (way and to is None):
         raise ConfigurationError("give joint values and --to for a way, --way to write it")

@@ -75,23 +75,17 @@ def describe_model(
 @on_a_model
 def write_model(
     arm: SpaceArm,
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output", "-o", help="The URDF to write.", metavar="FILE", callback=to_write
-        ),
-    ],
-    home: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Position at which a joint rests: where it is held if it does not count, and "
-            "where the viewer begins; may be repeated.",
-            metavar="JOINT=VALUE",
-        ),
-    ] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", callback=to_write)],
+    home: list[str] | None = None,
     deg: bool = False,
 ) -> None:
-    """Write a robot of any format, or an arm on a bus (--bus), as a URDF."""
+    """Write a robot of any format, or an arm on a bus (--bus), as a URDF.
+
+    Options:
+        output (FILE): The URDF to write.
+        home (JOINT=VALUE): Position at which a joint rests: where it is held if it does not count,
+            and where the viewer begins; may be repeated.
+    """
     known = arm.whole.joints
     positions = assignments("--home", home).items()
     arm = arm.with_home({name: si(known.get(name), q, deg) for name, q in positions})

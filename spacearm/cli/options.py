@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import inspect
+import re
 import warnings
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import replace
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias, TypeVar
+from typing import Annotated, Any, ParamSpec, TypeAlias, TypeVar, get_args, get_origin
 
 import numpy as np
 import pinocchio as pin
@@ -38,7 +40,9 @@ from spacearm.model.task import Task
 from spacearm.motion.goal import Goal, goal_of, goal_pose
 from spacearm.motion.motion_file import check_suffix
 
+P = ParamSpec("P")
 T = TypeVar("T")
+U = TypeVar("U", float, None)
 Three: TypeAlias = tuple[float, float, float]
 
 BUS_DENSITY = 200.0
@@ -55,82 +59,8 @@ def complete_model(incomplete: str) -> list[tuple[str, str]]:
     return [(name, summary) for name, summary in known if name.startswith(incomplete)]
 
 
-ModelName = Annotated[
-    str,
-    typer.Argument(
-        metavar="MODEL",
-        help="Catalogue name (spacearm models) or robot file.",
-        autocompletion=complete_model,
-    ),
-]
 JointValues = Annotated[
     list[str] | None, typer.Argument(metavar="Q1 Q2 ...", help="Joint values [rad] or [m].")
-]
-Tip = Annotated[
-    str | None, typer.Option(help="Link whose frame is the tip, or several.", metavar="LINK,LINK")
-]
-TaskRows = Annotated[
-    str | None,
-    typer.Option(
-        "--task",
-        help='Rows: "x y rz", pose, position, orientation; then /LENGTH that the linear rows of a '
-        "mixed task are divided by [m].",
-        metavar="ROWS[/LENGTH]",
-    ),
-]
-Joints = Annotated[
-    str,
-    typer.Option(
-        help="Joints that count besides those on the way to the tip; the others are held.",
-        metavar="tip|all|NAME,NAME",
-    ),
-]
-Lock = Annotated[
-    list[str] | None,
-    typer.Option(help="Lock a joint; may be repeated.", metavar="JOINT=VALUE"),
-]
-Checked = Annotated[
-    str | None,
-    typer.Option(
-        "--check",
-        help="What to do with physically impossible inertias.",
-        metavar="error|warn|accept",
-    ),
-]
-BusOption = Annotated[
-    str | None,
-    typer.Option(
-        "--bus",
-        "--bus-mass",
-        help="Mount MODEL, an arm alone, on a bus: a solid box of this mass [kg] and these edges "
-        "[m], or a robot file or catalogue name; after @ where its base is on it.",
-        metavar="KG|KG:X,Y,Z|FILE[@X,Y,Z[,R,P,Y]]",
-    ),
-]
-WheelOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="Take a joint as a momentum wheel, with these limits [N m], [N m s] or its own; may "
-        "be repeated.",
-        metavar="JOINT[=TORQUE,MOMENTUM]",
-    ),
-]
-Arguments = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--arg", help="Argument of a xacro source; may be repeated.", metavar="NAME:=VALUE"
-    ),
-]
-PackageFolders = Annotated[
-    list[Path] | None,
-    typer.Option("--package", help="Folder of ROS packages; may be repeated.", metavar="FOLDER"),
-]
-Density = Annotated[
-    float | None,
-    typer.Option(help="Density [kg/m^3] of links without inertial data.", metavar="RHO"),
-]
-Degrees = Annotated[
-    bool, typer.Option("--deg", help="Angles are in degrees, given and printed (not --json).")
 ]
 Attitude = Annotated[
     Three | None,
@@ -184,23 +114,68 @@ NoLimits = Annotated[bool, typer.Option("--no-limits", help="Ignore joint limits
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON: SI units, radians.")]
 
 
+Written = Annotated[Path | None, typer.Option(callback=to_write)]
+ENTRY = re.compile(r"^ {4}(\w+)(?: \((.+?)\))?: (.+(?:\n {8}.+)*)", re.MULTILINE)
+
+
+def documented(command: Callable[P, T]) -> Callable[P, T]:
+    """Give options the help that its docstring has under "Options", as "name (METAVAR): help".
+
+    Options that commands share say it in their annotations.
+    """
+    text, _, args = (inspect.getdoc(command) or "").partition("\n\nOptions:\n")
+    parameters = dict(inspect.signature(command, eval_str=True).parameters)
+    for name, metavar, words in ENTRY.findall(args):
+        kind = parameters[name].annotation
+        info = typer.Option(*[f"--{name.replace('_', '-')}"] * (kind is bool))
+        if get_origin(kind) is Annotated:
+            kind, shared = get_args(kind)
+            info = copy(shared)
+        info.help, info.metavar = " ".join(words.split()), metavar or None
+        parameters[name] = parameters[name].replace(annotation=Annotated[kind, info])
+    command.__doc__ = text
+    command.__annotations__ = {name: p.annotation for name, p in parameters.items()}
+    command.__dict__["__signature__"] = inspect.Signature([*parameters.values()])
+    return command
+
+
+@documented
 def arm_from(
-    model: ModelName,
-    tip: Tip = None,
-    task: TaskRows = None,
-    joints: Joints = "tip",
-    lock: Lock = None,
-    wheel: WheelOption = None,
-    check: Checked = None,
-    bus: BusOption = None,
-    arg: Arguments = None,
-    package: PackageFolders = None,
-    density: Density = None,
-    deg: Degrees = False,
+    model: Annotated[str, typer.Argument(autocompletion=complete_model)],
+    tip: str | None = None,
+    task: str | None = None,
+    joints: str = "tip",
+    lock: list[str] | None = None,
+    wheel: list[str] | None = None,
+    check: str | None = None,
+    bus: Annotated[str | None, typer.Option("--bus", "--bus-mass")] = None,
+    arg: list[str] | None = None,
+    package: list[Path] | None = None,
+    density: float | None = None,
+    deg: bool = False,
 ) -> SpaceArm:
     """Load the arm that the shared options describe; this signature states them once.
 
     With a bus, MODEL is an arm alone, which is mounted on top of it.
+
+    Options:
+        model (MODEL): Catalogue name (spacearm models) or robot file.
+        tip (LINK,LINK): Link whose frame is the tip, or several.
+        task (ROWS[/LENGTH]): Rows: "x y rz", pose, position, orientation; then /LENGTH that the
+            linear rows of a mixed task are divided by [m].
+        joints (tip|all|NAME,NAME): Joints that count besides those on the way to the tip; the
+            others are held.
+        lock (JOINT=VALUE): Lock a joint; may be repeated.
+        wheel (JOINT[=TORQUE,MOMENTUM]): Take a joint as a momentum wheel, with these limits [N m],
+            [N m s] or its own; may be repeated.
+        check (error|warn|accept): What to do with physically impossible inertias.
+        bus (KG|KG:X,Y,Z|FILE[@X,Y,Z[,R,P,Y]]): Mount MODEL, an arm alone, on a bus: a solid box of
+            this mass [kg] and these edges [m], or a robot file or catalogue name; after @ where its
+            base is on it.
+        arg (NAME:=VALUE): Argument of a xacro source; may be repeated.
+        package (FOLDER): Folder of ROS packages; may be repeated.
+        density (RHO): Density [kg/m^3] of links without inertial data.
+        deg: Angles are in degrees, given and printed (not --json).
     """
     wheels, locked = _wheels(wheel), assignments("--lock", lock)
     carrier, at = (None, None) if bus is None else _described_bus(bus, deg)
@@ -297,8 +272,8 @@ def on_a_model(command: Callable[..., T]) -> Callable[..., T]:
     MODEL comes first and the options last, before --json. A command with a parameter `deg` is told
     whether angles are in degrees.
     """
-    own = dict(inspect.signature(command, eval_str=True).parameters)
-    shared = dict(inspect.signature(arm_from, eval_str=True).parameters)
+    own = dict(inspect.signature(documented(command)).parameters)
+    shared = dict(inspect.signature(arm_from).parameters)
     told_deg = own.pop("deg", None) is not None
     last = {name: own.pop(name) for name in ("as_json",) if name in own}
     del own["arm"]
@@ -360,9 +335,9 @@ def spacecraft_pose(attitude: Three | None, deg: bool) -> pin.SE3:
     return pose(rpy=np.radians(rpy) if deg else rpy)
 
 
-def radians(angle: float | None, deg: bool) -> float | None:
-    """Return an angle of an option in radians; None if it is not given."""
-    return None if angle is None else float(np.radians(angle)) if deg else angle
+def radians(angle: float | None, deg: bool, default: U) -> float | U:
+    """Return an angle of an option in radians; the default if it is not given."""
+    return default if angle is None else float(np.radians(angle)) if deg else angle
 
 
 def task_rows(arm: SpaceArm, option: str, text: str, deg: bool) -> Array:

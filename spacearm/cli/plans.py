@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 
 from spacearm.arrays import Array
 from spacearm.cli.options import (
@@ -19,9 +18,7 @@ from spacearm.cli.options import (
     Save,
     View,
     goal_from,
-    joint_values,
     mark_of,
-    motion_to_write,
     on_a_model,
     table_of,
 )
@@ -54,39 +51,6 @@ from spacearm.planning.result import Plan
 from spacearm.sweeps.toml import Table
 from spacearm.workspaces.path_dependent import Workspace, workspace
 
-Goals = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="Task rows of the tip [m], turns as roll pitch yaw. With several tips "
-        "NAME=X1,X2,... for each.",
-        metavar="X1 X2 ...",
-    ),
-]
-Obstacles = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="box:X,Y,Z:SIZE (or LX,LY,LZ), sphere:X,Y,Z:RADIUS, cylinder:X,Y,Z:RADIUS,LENGTH, "
-        "mesh:X,Y,Z:FILE or robot:X,Y,Z:MODEL [m]; then :R,P,Y and @MARGIN; may be repeated.",
-        metavar="KIND:PLACE:WHAT",
-    ),
-]
-SavePlan = Annotated[
-    Path | None,
-    typer.Option(
-        help="Write the plan; where none is found, the best attempt.",
-        metavar="NPZ",
-        callback=motion_to_write,
-    ),
-]
-Fastest = Annotated[
-    bool,
-    typer.Option(
-        "--fastest", help="Time it as fast as effort and velocity limits allow; needs toppra."
-    ),
-]
-PathFile = Annotated[
-    Path | None, typer.Option(help="Path of the tip, a row for each corner.", metavar="CSV")
-]
 FOLLOWED = ("origin", "mode", "speed", "at_rest", "limits")
 """Keys of a question about a path besides its start."""
 STOPPED = 3
@@ -104,19 +68,30 @@ def _command(solve: Callable[..., Plan], summary: str, *more_keys: str) -> Calla
     def run(
         arm: SpaceArm,
         q: JointValues = None,
-        goal: Goals = None,
-        obstacle: Obstacles = None,
+        goal: list[str] | None = None,
+        obstacle: list[str] | None = None,
         attitude: Attitude = None,
-        fastest: Fastest = False,
+        fastest: bool = False,
         more: With = None,
         output: Picture = None,
-        save: SavePlan = None,
+        save: Save = None,
         view: View = False,
         deg: bool = False,
         as_json: AsJson = False,
     ) -> int:
+        """Plan.
+
+        Options:
+            goal (X1 X2 ...): Task rows of the tip [m], turns as roll pitch yaw. With several tips
+                NAME=X1,X2,... for each.
+            obstacle (KIND:PLACE:WHAT): box:X,Y,Z:SIZE (or LX,LY,LZ), sphere:X,Y,Z:RADIUS,
+                cylinder:X,Y,Z:RADIUS,LENGTH, mesh:X,Y,Z:FILE or robot:X,Y,Z:MODEL [m]; then :R,P,Y
+                and @MARGIN; may be repeated.
+            fastest: Time it as fast as effort and velocity limits allow; needs toppra.
+            save (NPZ): Write the plan; where none is found, the best attempt.
+        """
         asked = question(more, *KEYS, *more_keys)
-        start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
+        start = start_of(arm, asked, q, attitude, deg)
         target = _goal(arm, goal, asked, deg)
         constraints = constraints_of(asked.inner("constraints"))
         around = tuple(obstacle_of(text, deg) for text in obstacle or ())
@@ -184,7 +159,7 @@ def _goal(
 
 def _options(arm: SpaceArm, asked: Table) -> dict[str, Any]:
     """Return the rest of the question."""
-    options = {key: asked.values[key] for key in PLAIN if key in asked.values}
+    options = asked.some(*PLAIN)
     if "final_attitude" in asked.values:
         options["final_attitude"] = pose(rpy=asked.values["final_attitude"])
     if "via" in asked.values:
@@ -229,7 +204,7 @@ detumble_motion = _command(
 def follow_path(
     arm: SpaceArm,
     q: JointValues = None,
-    path: PathFile = None,
+    path: Path | None = None,
     attitude: Attitude = None,
     more: With = None,
     output: Picture = None,
@@ -244,15 +219,17 @@ def follow_path(
     the path has times; a first line of names is skipped. Exits with 3 where the tip cannot be led
     to the end. --with gives all else that sa.follow takes: start, origin, mode, speed, at_rest,
     limits.
+
+    Options:
+        path (CSV): Path of the tip, a row for each corner.
     """
     if path is None:
         raise ConfigurationError("there is no path; give --path FILE, a CSV file")
     asked = question(more, "start", *FOLLOWED)
-    start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
+    start = start_of(arm, asked, q, attitude, deg)
     times, corners = _corners(arm, path, deg)
-    options = {key: asked.values[key] for key in FOLLOWED if key in asked.values}
     with working("following") as progress:
-        found = follow(start, corners, times=times, progress=progress, **options)
+        found = follow(start, corners, times=times, progress=progress, **asked.some(*FOLLOWED))
     answer(arm, found, "follow", deg=deg, as_json=as_json, save=save, output=output, view=view)
     return 0 if found.arrived else STOPPED
 

@@ -20,13 +20,13 @@ from spacearm.cli.options import (
     Spacecraft,
     SpacecraftMode,
     Three,
+    Written,
     assignments,
     configuration,
     joint_values,
     on_a_model,
     radians,
     table_of,
-    to_write,
 )
 from spacearm.cli.output import (
     answer,
@@ -79,24 +79,22 @@ def report_singularity(
             show_default=False,
         ),
     ] = None,
-    first_order: Annotated[
-        bool,
-        typer.Option(
-            "--first-order", help="Estimate the distance only: do not find the nearest posture."
-        ),
-    ] = False,
+    first_order: bool = False,
     fail_on_singular: Fail = False,
     deg: bool = False,
     as_json: AsJson = False,
 ) -> int:
-    """Report whether a configuration is singular, and which directions are lost."""
+    """Report whether a configuration is singular, and which directions are lost.
+
+    Options:
+        first_order: Estimate the distance only: do not find the nearest posture.
+    """
     cfg = configuration(arm, q, attitude, deg)
-    within = radians(tolerance, deg)
     with working("searching") as told:
         report = singularity(
             cfg,
             mode=mode.value,
-            tolerance=TOLERANCE if within is None else within,
+            tolerance=radians(tolerance, deg, TOLERANCE),
             exact=not first_order,
             progress=told,
         )
@@ -109,13 +107,15 @@ def find_nearest(
     arm: SpaceArm,
     q: JointValues = None,
     mode: SpacecraftMode = Spacecraft.FREE,
-    limits: Annotated[
-        bool, typer.Option("--limits", help="Only postures within the joint limits.")
-    ] = False,
+    limits: bool = False,
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find the singular posture nearest to a posture, in joint space."""
+    """Find the singular posture nearest to a posture, in joint space.
+
+    Options:
+        limits: Only postures within the joint limits.
+    """
     start = joint_values(arm, q or [], deg)
     with working("searching") as progress:
         found = singular_set(arm, mode=mode.value).nearest(start, limits=limits, progress=progress)
@@ -125,26 +125,20 @@ def find_nearest(
 @on_a_model
 def check_path(
     arm: SpaceArm,
-    file: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FILE",
-            help="Text with the joint values of a posture in each line, or a saved motion (.npz).",
-        ),
-    ],
+    file: Annotated[Path, typer.Argument()],
     mode: SpacecraftMode = Spacecraft.FREE,
-    clearance: Annotated[
-        float,
-        typer.Option(
-            help="Prove that no singular posture is nearer to the way than this [rad], with --deg "
-            "in degrees."
-        ),
-    ] = 0.0,
+    clearance: float = 0.0,
     fail_on_singular: Fail = False,
     deg: bool = False,
     as_json: AsJson = False,
 ) -> int:
-    """Prove that straight joint motions from posture to posture meet no singularity."""
+    """Prove that straight joint motions from posture to posture meet no singularity.
+
+    Options:
+        file (FILE): Text with the joint values of a posture in each line, or a saved motion (.npz).
+        clearance: Prove that no singular posture is nearer to the way than this [rad], with --deg
+            in degrees.
+    """
     given = Motion.load(file, arm) if file.suffix == ".npz" else _postures(arm, file, deg)
     Q, way = path_rows(arm, given), control_points(arm, given)
     with working("proving") as progress:
@@ -154,9 +148,9 @@ def check_path(
                 f"{arm.name}: J* of this arm has no minors that a proof could use, as with joints "
                 "that mimic others; spacearm query looks at single postures"
             )
-        wanted = radians(clearance, deg)
+        wanted = radians(clearance, deg, 0.0)
         if proof and (wanted or way.shape[1] > 2):  # a plan is flown between its rows
-            clear = prove_clear(arm, mode.value, way, wanted or 0.0, progress=progress)
+            clear = prove_clear(arm, mode.value, way, wanted, progress=progress)
             proof = replace(clear, margin=proof.margin)
         distance = distances_found(arm, mode.value, Q)
     outside = sorted({name for q in Q for name in arm.at(q).outside_limits})
@@ -217,31 +211,24 @@ def _postures(arm: SpaceArm, file: Path, deg: bool) -> Array:
 @on_a_model
 def draw_singular_map(
     arm: SpaceArm,
-    axes: Annotated[
-        tuple[str, str] | None,
-        typer.Option(
-            help="The two joints, by name or as q1 q2; by default those along which sigma_min "
-            "changes most.",
-            metavar="A B",
-        ),
-    ] = None,
-    fix: Annotated[
-        list[str] | None,
-        typer.Option(help="Position of another joint; may be repeated.", metavar="JOINT=VALUE"),
-    ] = None,
+    axes: tuple[str, str] | None = None,
+    fix: list[str] | None = None,
     output: Picture = None,
-    npz: Annotated[
-        Path | None, typer.Option(help="Write the numbers to a NumPy archive.", callback=to_write)
-    ] = None,
-    points: Annotated[
-        int, typer.Option(help="Grid points along each joint.", min=3, max=2001)
-    ] = 181,
+    npz: Written = None,
+    points: Annotated[int, typer.Option(min=3, max=2001)] = 181,
     deg: bool = False,
     as_json: AsJson = False,
 ) -> int:
     """Map the distance to the singular set over two joints, with the exact curves on top.
 
     Ctrl-C keeps what there is.
+
+    Options:
+        axes (A B): The two joints, by name or as q1 q2; by default those along which sigma_min
+            changes most.
+        fix (JOINT=VALUE): Position of another joint; may be repeated.
+        npz: Write the numbers to a NumPy archive.
+        points: Grid points along each joint.
     """
     fixed = {joint_name(arm, name): value for name, value in assignments("--fix", fix).items()}
     q = joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
@@ -282,39 +269,32 @@ class Brakes(str, Enum):
 @on_a_model
 def compute_capture(
     arm: SpaceArm,
-    mass: Annotated[float, typer.Option(help="Mass of the target [kg].")],
+    mass: float,
     q: JointValues = None,
-    velocity: Annotated[
-        Three, typer.Option(help="Velocity of its CM [m/s], inertial axes.", metavar="X Y Z")
-    ] = (0.0, 0.0, 0.0),
-    spin: Annotated[
-        Three,
-        typer.Option(
-            help="Its angular velocity [rad/s], with --deg in degrees/s, inertial axes.",
-            metavar="X Y Z",
-        ),
-    ] = (0.0, 0.0, 0.0),
-    inertia: Annotated[
-        Three | None,
-        typer.Option(
-            help="Its moments of inertia about its CM along the tip's axes [kg m^2]; a point mass "
-            "if left out.",
-            metavar="X Y Z",
-        ),
-    ] = None,
-    com: Annotated[Three, typer.Option(help="Its CM in the tip frame [m].", metavar="X Y Z")] = (
+    velocity: Three = (0.0, 0.0, 0.0),
+    spin: Three = (0.0, 0.0, 0.0),
+    inertia: Three | None = None,
+    com: Three = (
         0.0,
         0.0,
         0.0,
     ),
-    brakes: Annotated[
-        Brakes, typer.Option("--joints-are", help="Whether brakes hold the joints.")
-    ] = Brakes.FREE,
+    brakes: Annotated[Brakes, typer.Option("--joints-are")] = Brakes.FREE,
     attitude: Attitude = None,
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Compute the velocities just after the tip, at rest, has grasped a moving, spinning body."""
+    """Compute the velocities just after the tip, at rest, has grasped a moving, spinning body.
+
+    Options:
+        mass: Mass of the target [kg].
+        velocity (X Y Z): Velocity of its CM [m/s], inertial axes.
+        spin (X Y Z): Its angular velocity [rad/s], with --deg in degrees/s, inertial axes.
+        inertia (X Y Z): Its moments of inertia about its CM along the tip's axes [kg m^2]; a point
+            mass if left out.
+        com (X Y Z): Its CM in the tip frame [m].
+        brakes: Whether brakes hold the joints.
+    """
     cfg = configuration(arm, q, attitude, deg)
     if inertia is None and any(spin):
         err.print("spacearm: note: a point mass does not spin; --inertia gives the target moments")

@@ -11,8 +11,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 import typer
 
-from spacearm.arrays import Array
-from spacearm.cli.options import Three, numbers, spacecraft_pose
+from spacearm.cli.options import Three, joint_values, numbers, spacecraft_pose
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.description.bus import Bus
 from spacearm.errors import ConfigurationError, unknown
@@ -112,7 +111,7 @@ def built(kind: Callable[..., T], given: Table, **made: Callable[[Any], Any]) ->
 
 
 def start_of(
-    arm: SpaceArm, given: Table, q: Array | None, attitude: Three | None, deg: bool
+    arm: SpaceArm, given: Table, q: Sequence[str | float] | None, attitude: Three | None, deg: bool
 ) -> Configuration:
     """Return the configuration in which a motion starts.
 
@@ -120,7 +119,7 @@ def start_of(
         arm: The arm.
         given: The question; its table `start` has the arguments of `SpaceArm.at`, `base` with
             `xyz` and `rpy`.
-        q: (n,) joint positions of the command's arguments; None if there are none.
+        q: Joint positions, the command's arguments; they count before those of the table.
         attitude: Roll, pitch and yaw of the option; None if it is not given.
         deg: Whether these are in degrees.
 
@@ -133,8 +132,8 @@ def start_of(
     start = given.inner("start")
     start.knows("q", "base", "wheels", "momentum")
     values = dict(start.values)
-    if q is not None:
-        values["q"] = q
+    if q:
+        values["q"] = joint_values(arm, q, deg)
     if "q" not in values:
         raise ConfigurationError(
             f"there is no start; give {arm.n} joint values after the name of the model: "

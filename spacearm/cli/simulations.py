@@ -49,13 +49,7 @@ OBJECTS = ("start", "controller", "duration", "plant", "sampling", "integration"
 def simulate_motion(
     arm: SpaceArm,
     q: JointValues = None,
-    target: Annotated[
-        str | None,
-        typer.Option(
-            help="Task rows of the tip [m], turns as roll pitch yaw; joint values for JointPD.",
-            metavar="X1 X2 ...",
-        ),
-    ] = None,
+    target: str | None = None,
     controller: Annotated[
         str | None,
         typer.Option(
@@ -63,9 +57,7 @@ def simulate_motion(
             metavar="LAW",
         ),
     ] = None,
-    duration: Annotated[
-        float | None, typer.Option(help="Duration [s]; 60 if not given.", show_default=False)
-    ] = None,
+    duration: Annotated[float | None, typer.Option(show_default=False)] = None,
     attitude: Attitude = None,
     more: With = None,
     output: Picture = None,
@@ -79,9 +71,14 @@ def simulate_motion(
     --with gives all that sa.simulate takes: start, controller, plant, sampling, integration, mode,
     origin, stop, dq; or [[phases]] of sa.simulate_phases. Ctrl-C ends the run and keeps what there
     is.
+
+    Options:
+        target (X1 X2 ...): Task rows of the tip [m], turns as roll pitch yaw; joint values for
+            JointPD.
+        duration: Duration [s]; 60 if not given.
     """
     asked = question(more, *OBJECTS, *PLAIN, "phases")
-    start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
+    start = start_of(arm, asked, q, attitude, deg)
     if "phases" in asked.values:
         given = {"--target": target, "--controller": controller, "--duration": duration}
         if both := [option for option, value in given.items() if value is not None]:
@@ -96,7 +93,7 @@ def simulate_motion(
         raise ConfigurationError("there is no target; give --target, or phases by --with FILE.toml")
     laws = controller_of(arm, law)
     seconds = asked.take("duration", float, 60.0) if duration is None else duration
-    options: dict[str, Any] = {key: asked.values[key] for key in PLAIN if key in asked.values}
+    options = asked.some(*PLAIN)
     if isinstance(asked.values.get("stop"), str):
         asked.values["stop"] = [asked.values["stop"]]
     options["stop"] = asked.texts("stop")
@@ -166,14 +163,7 @@ TOO_NEAR = 3
 @on_a_model
 def watch_states(
     arm: SpaceArm,
-    file: Annotated[
-        str,
-        typer.Argument(
-            metavar="[FILE]",
-            help="Joint states: lines of JSON with t and q, or name and position, or an .mcap "
-            "file; - is the standard input.",
-        ),
-    ] = "-",
+    file: Annotated[str, typer.Argument()] = "-",
     mode: SpacecraftMode = Spacecraft.FREE,
     stop: Annotated[
         float | None,
@@ -190,16 +180,21 @@ def watch_states(
             show_default=False,
         ),
     ] = None,
-    ahead: Annotated[float, typer.Option(help="Time ahead that is warned of [s].")] = 5.0,
-    topic: Annotated[str, typer.Option(help="Topic of an .mcap file.")] = "/joint_states",
+    ahead: float = 5.0,
+    topic: str = "/joint_states",
     deg: bool = False,
     as_json: AsJson = False,
 ) -> int:
-    """Watch a stream of joint states, and warn before it comes near a singular posture."""
-    near, far = radians(stop, deg), radians(slow, deg)
-    servo = Servo(
-        arm, mode=mode.value, stop=STOP if near is None else near, slow=SLOW if far is None else far
-    )
+    """Watch a stream of joint states, and warn before it comes near a singular posture.
+
+    Options:
+        file ([FILE]): Joint states: lines of JSON with t and q, or name and position, or an .mcap
+            file; - is the standard input.
+        ahead: Time ahead that is warned of [s].
+        topic: Topic of an .mcap file.
+    """
+    near, far = radians(stop, deg, STOP), radians(slow, deg, SLOW)
+    servo = Servo(arm, mode=mode.value, stop=near, slow=far)
     messages: Iterable[Any] = sys.stdin if file == "-" else recorded(Path(file), topic)
     level, worst, count = "", 0, 0
     for state in servo.watch(messages, ahead=ahead):

@@ -15,6 +15,7 @@ import typer
 from rich.progress import MofNCompleteColumn, ProgressColumn, Task
 from rich.text import Text
 
+from spacearm.cli.options import documented
 from spacearm.cli.output import err, out, print_description, working
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.compiler.machine import processors
@@ -28,25 +29,25 @@ if TYPE_CHECKING:
     from distributed import Client
 
 
+@documented
 def run_study(
-    study: Annotated[Path, typer.Argument(metavar="STUDY.TOML", help="See help(spacearm.Study).")],
-    store: Annotated[Path, typer.Option(help="Zarr directory; chunks that are there are kept.")],
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler whose workers compute."),
-    ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(help="Processes on this machine; by default one per processor.", min=1),
-    ] = None,
-    show_status: Annotated[
-        bool, typer.Option("--status", help="Only report what is done.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only estimate time and disk.")
-    ] = False,
+    study: Annotated[Path, typer.Argument()],
+    store: Path,
+    scheduler: str | None = None,
+    workers: Annotated[int | None, typer.Option(min=1)] = None,
+    show_status: Annotated[bool, typer.Option("--status")] = False,
+    dry_run: bool = False,
 ) -> int:
-    """Compute a study chunk by chunk; run again after a stop, it goes on where it was."""
+    """Compute a study chunk by chunk; run again after a stop, it goes on where it was.
+
+    Options:
+        study (STUDY.TOML): See help(spacearm.Study).
+        store: Zarr directory; chunks that are there are kept.
+        scheduler (tcp://HOST:PORT): Dask scheduler whose workers compute.
+        workers: Processes on this machine; by default one per processor.
+        show_status: Only report what is done.
+        dry_run: Only estimate time and disk.
+    """
     read = Study.read(study)
     if workers is not None and scheduler is not None:
         raise ConfigurationError("--workers is for this machine; leave it out with --scheduler")

@@ -9,10 +9,10 @@ import typer
 
 from spacearm.cli.options import (
     Attitude,
+    Written,
     joint_values,
     on_a_model,
     spacecraft_pose,
-    to_write,
 )
 from spacearm.cli.output import out, serve_until_interrupted, undisturbed, working
 from spacearm.errors import ConfigurationError
@@ -26,17 +26,9 @@ from spacearm.viewer.show import view as show
 @on_a_model
 def view_configuration(
     arm: SpaceArm,
-    q: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[Q1 Q2 ...]", help="Joint values [rad] or [m]; a regular posture if left out."
-        ),
-    ] = None,
+    q: Annotated[list[str] | None, typer.Argument()] = None,
     attitude: Attitude = None,
-    motion: Annotated[
-        Path | None,
-        typer.Option(help="Play a motion written by --save of plan or simulate.", metavar="NPZ"),
-    ] = None,
+    motion: Path | None = None,
     compare: Annotated[
         str | None,
         typer.Option(
@@ -45,39 +37,27 @@ def view_configuration(
             metavar="NPZ|MODE",
         ),
     ] = None,
-    fly: Annotated[
-        bool,
-        typer.Option("--fly", help="Begin with the tip led by keyboard or gamepad."),
-    ] = False,
-    port: Annotated[
-        int | None,
-        typer.Option(help="Port of the page; by default the first free one from 7400 on."),
-    ] = None,
-    no_open: Annotated[
-        bool, typer.Option("--no-open", help="Serve the page, do not open a browser.")
-    ] = False,
-    save: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write one self-contained page and exit.", metavar="HTML", callback=to_write
-        ),
-    ] = None,
-    png: Annotated[
-        Path | None,
-        typer.Option(help="Write a picture and exit.", metavar="PNG", callback=to_write),
-    ] = None,
-    video: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write a video of the motion and exit: .mp4, .webm or .gif; or .zip of pictures, "
-            "30 a second.",
-            metavar="FILE",
-            callback=to_write,
-        ),
-    ] = None,
+    fly: bool = False,
+    port: int | None = None,
+    no_open: bool = False,
+    save: Written = None,
+    png: Written = None,
+    video: Written = None,
     deg: bool = False,
 ) -> None:
-    """Show a configuration or play a motion in the browser, with sliders; Ctrl-C ends it."""
+    """Show a configuration or play a motion in the browser, with sliders; Ctrl-C ends it.
+
+    Options:
+        q ([Q1 Q2 ...]): Joint values [rad] or [m]; a regular posture if left out.
+        motion (NPZ): Play a motion written by --save of plan or simulate.
+        fly: Begin with the tip led by keyboard or gamepad.
+        port: Port of the page; by default the first free one from 7400 on.
+        no_open: Serve the page, do not open a browser.
+        save (HTML): Write one self-contained page and exit.
+        png (PNG): Write a picture and exit.
+        video (FILE): Write a video of the motion and exit: .mp4, .webm or .gif; or .zip of
+            pictures, 30 a second.
+    """
     with undisturbed():
         if motion:
             if q or attitude:

@@ -50,26 +50,21 @@ def compute_workspace(
     mode: SpacecraftMode = Spacecraft.FREE,
     limits: Limits = False,
     effort: Effort = None,
-    seed: Annotated[int, typer.Option(help="Seed of that search.")] = 0,
-    free: Annotated[
-        bool,
-        typer.Option(
-            "--free", help="The free workspace too (Vafa & Dubowsky); takes as long as the rest."
-        ),
-    ] = False,
+    seed: int = 0,
+    free: bool = False,
     output: Picture = None,
-    path: Annotated[
-        Path | None,
-        typer.Option(
-            help="Tip path to draw: a text file with one point per line, from the CM [m]."
-        ),
-    ] = None,
+    path: Path | None = None,
     view: View = False,
     as_json: AsJson = False,
 ) -> int:
     """Compute and draw the path dependent and path independent workspaces.
 
     Ctrl-C keeps what there is.
+
+    Options:
+        seed: Seed of that search.
+        free: The free workspace too (Vafa & Dubowsky); takes as long as the rest.
+        path: Tip path to draw: a text file with one point per line, from the CM [m].
     """
     points = None if path is None else _points(path)
     tries = EFFORT if effort is None else effort
@@ -104,17 +99,10 @@ def compute_workspace(
 def compute_risk(
     arm: SpaceArm,
     limits: Limits = False,
-    near: Annotated[
-        float | None,
-        typer.Option(
-            help="Distance to the singular set up to which a posture is near [rad], with --deg in "
-            "degrees; 5 degrees if not given.",
-            min=0.0,
-        ),
-    ] = None,
-    bins: Annotated[int, typer.Option(help="Number of distance classes.", min=1)] = 20,
-    samples: Annotated[int, typer.Option(help="Number of postures.", min=1)] = 200_000,
-    seed: Annotated[int, typer.Option(help="Seed of the sample.")] = 0,
+    near: Annotated[float | None, typer.Option(min=0.0)] = None,
+    bins: Annotated[int, typer.Option(min=1)] = 20,
+    samples: Annotated[int, typer.Option(min=1)] = 200_000,
+    seed: int = 0,
     output: Picture = None,
     deg: bool = False,
     as_json: AsJson = False,
@@ -122,12 +110,19 @@ def compute_risk(
     """Estimate how many postures are near a singularity, by the tip's distance from the CM.
 
     Ctrl-C keeps what there is.
+
+    Options:
+        near: Distance to the singular set up to which a posture is near [rad], with --deg in
+            degrees; 5 degrees if not given.
+        bins: Number of distance classes.
+        samples: Number of postures.
+        seed: Seed of the sample.
     """
     profile, code = kept(
         "sampling",
         lambda progress: risk_profile(
-            arm, limits=limits, distance=radians(near, deg), bins=bins, samples=samples, seed=seed,
-            progress=progress,
+            arm, limits=limits, distance=radians(near, deg, None), bins=bins, samples=samples,
+            seed=seed, progress=progress,
         ),
     )  # fmt: skip
     answer(arm, profile, "risk", deg=deg, as_json=as_json, output=output)
@@ -137,22 +132,20 @@ def compute_risk(
 @on_a_model
 def sweep_designs(
     arm: SpaceArm,
-    vary: Annotated[
-        list[str],
-        typer.Option(
-            help="A parameter and its values: base_mass (the inertia grows with it), payload, "
-            "mass:LINK [kg], length:LINK [m], base_inertia (a factor), mount_x, mount_y, mount_z "
-            "[m]; may be repeated.",
-            metavar="NAME=A[:B[:COUNT]]",
-        ),
-    ],
+    vary: list[str],
     mode: SpacecraftMode = Spacecraft.FREE,
     limits: Limits = False,
     effort: Effort = None,
     output: Picture = None,
     as_json: AsJson = False,
 ) -> int:
-    """Draw the path independent share over design parameters; Ctrl-C keeps what is done."""
+    """Draw the path independent share over design parameters; Ctrl-C keeps what is done.
+
+    Options:
+        vary (NAME=A[:B[:COUNT]]): A parameter and its values: base_mass (the inertia grows with
+            it), payload, mass:LINK [kg], length:LINK [m], base_inertia (a factor), mount_x,
+            mount_y, mount_z [m]; may be repeated.
+    """
     pairs = [text.partition("=") for text in vary]
     grid = {name: _values(name, values) for name, _, values in pairs}
     with working("designs") as progress:
@@ -169,7 +162,7 @@ def sweep_designs(
 class Designs(Described):
     """The dataset of `design.workspaces` as an answer.
 
-    Args:
+    Options:
         found: The dataset.
         grid: The values of each parameter, by name.
     """
