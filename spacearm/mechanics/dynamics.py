@@ -216,10 +216,7 @@ def inverse_dynamics(
 
 @checked
 def kinetic_energy(
-    cfg: Configuration,
-    dq: npt.ArrayLike,
-    *,
-    mode: BaseMode = "free-floating",
+    cfg: Configuration, dq: npt.ArrayLike, *, mode: BaseMode = "free-floating"
 ) -> float:
     """Compute the kinetic energy of all bodies [J], without the spin of wheels.
 

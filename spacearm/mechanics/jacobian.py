@@ -233,10 +233,7 @@ class PrescribedMotion(Result):
 
 @checked
 def prescribed_motion(
-    cfg: Configuration,
-    rates: Mapping[str, float],
-    *,
-    mode: BaseMode = "free-floating",
+    cfg: Configuration, rates: Mapping[str, float], *, mode: BaseMode = "free-floating"
 ) -> PrescribedMotion:
     """Split J* into the columns of free joints and the drift of prescribed ones.
 
