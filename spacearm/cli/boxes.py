@@ -3,83 +3,54 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 
+import spacearm as sa
 from spacearm.arrays import Array
-from spacearm.cli.options import (
-    AsJson,
-    JointValues,
-    NoLimits,
-    Picture,
-    Spacecraft,
-    SpacecraftMode,
-    configuration,
-    joint_values,
-    numbers,
-    on_a_model,
-    radians,
-    to_write,
-)
+from spacearm.cli import options as opt
 from spacearm.cli.output import answer, kept, out, print_description, print_result, working
-from spacearm.errors import ConfigurationError
 from spacearm.files import write
-from spacearm.model.arm import SpaceArm
-from spacearm.motion.motion import Motion
 from spacearm.results import Description, Table, joint_measures
-from spacearm.singularities.box_graph import MOST, SHARE, FreeBoxes, free_boxes
-from spacearm.singularities.joint_boxes import free_box
+from spacearm.singularities.box_graph import MOST, SHARE
 
 
-@on_a_model
+@opt.on_a_model
 def find_box(
-    arm: SpaceArm,
-    q: JointValues = None,
-    motion: Annotated[
-        Path | None,
-        typer.Option(help="A saved motion that the ranges hold, in place of a posture."),
-    ] = None,
-    widest: Annotated[
-        list[str] | None,
-        typer.Option(help="Joint whose range grows first; may be repeated.", metavar="JOINT"),
-    ] = None,
-    at_least: Annotated[
-        float | None,
-        typer.Option(help="Width that all ranges must have [rad], with --deg in degrees."),
-    ] = None,
-    clearance: Annotated[
-        float,
-        typer.Option(
-            help="How far singular postures are from all in the ranges [rad], with --deg in "
-            "degrees."
-        ),
-    ] = 0.0,
-    no_limits: NoLimits = False,
-    mode: SpacecraftMode = Spacecraft.FREE,
-    save: Annotated[
-        Path | None,
-        typer.Option(help="Write the ranges to a TOML file.", metavar="TOML", callback=to_write),
-    ] = None,
-    urdf: Annotated[
-        Path | None,
-        typer.Option(help="Write the robot with the ranges as its limits.", callback=to_write),
-    ] = None,
+    arm: sa.SpaceArm,
+    q: opt.JointValues = None,
+    motion: Path | None = None,
+    widest: list[str] | None = None,
+    at_least: float | None = None,
+    clearance: float = 0.0,
+    no_limits: opt.NoLimits = False,
+    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    save: opt.Written = None,
+    urdf: opt.Written = None,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
-    """Find joint ranges about a posture or a motion in which no posture is singular, proven."""
+    """Find joint ranges about a posture or a motion in which no posture is singular, proven.
+
+    Options:
+        motion: A saved motion that the ranges hold, in place of a posture.
+        widest (JOINT): Joint whose range grows first; may be repeated.
+        at_least: Width that all ranges must have [rad], with --deg in degrees.
+        clearance: How far singular postures are from all in the ranges [rad], with --deg in
+            degrees.
+        save (TOML): Write the ranges to a TOML file.
+        urdf: Write the robot with the ranges as its limits.
+    """
     if motion is not None and q:
-        raise ConfigurationError("joint values and --motion are both given; give one of them")
-    about = configuration(arm, q, None, deg) if motion is None else Motion.load(motion, arm)
+        raise sa.ConfigurationError("joint values and --motion are both given; give one of them")
+    about = opt.configuration(arm, q, None, deg) if motion is None else sa.Motion.load(motion, arm)
     with working("proving") as progress:
-        box = free_box(
+        box = sa.free_box(
             about,
             joints=widest or (),
-            at_least=radians(at_least, deg),
+            at_least=opt.radians(at_least, deg, None),
             within=_everywhere(arm) if no_limits else None,
-            clearance=radians(clearance, deg) or 0.0,
+            clearance=opt.radians(clearance, deg, 0.0),
             mode=mode.value,
             progress=progress,
         )
@@ -89,57 +60,42 @@ def find_box(
             out.print(f"wrote {path}")
 
 
-@on_a_model
+@opt.on_a_model
 def cover_by_boxes(
-    arm: SpaceArm,
-    q: JointValues = None,
-    to: Annotated[
-        str | None,
-        typer.Option(
-            help="Find a way through the boxes from the joint values given to these.",
-            metavar="Q1,Q2,...",
-        ),
-    ] = None,
-    way: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write this way to a CSV file [rad], [m]; `spacearm path` takes it.",
-            metavar="CSV",
-            callback=to_write,
-        ),
-    ] = None,
-    share: Annotated[
-        float, typer.Option(help="Share of the joint range to cover, up to 1.")
-    ] = SHARE,
-    most: Annotated[int, typer.Option(help="Largest number of cells, halved ones too.")] = MOST,
-    keep: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write the boxes to this file; if it is there, go on from what it holds.",
-            metavar="NPZ",
-            callback=to_write,
-        ),
-    ] = None,
-    no_limits: NoLimits = False,
-    mode: SpacecraftMode = Spacecraft.FREE,
-    output: Picture = None,
+    arm: sa.SpaceArm,
+    q: opt.JointValues = None,
+    to: str | None = None,
+    way: opt.Written = None,
+    share: float = SHARE,
+    most: int = MOST,
+    keep: opt.Written = None,
+    no_limits: opt.NoLimits = False,
+    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    output: opt.Picture = None,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> int:
     """Cover regular postures by joint ranges without singular posture, and find ways through.
 
     All is proven, rounding included. Ctrl-C keeps what is covered.
+
+    Options:
+        to (Q1,Q2,...): Find a way through the boxes from the joint values given to these.
+        way (CSV): Write this way to a CSV file [rad], [m]; `spacearm path` takes it.
+        share: Share of the joint range to cover, up to 1.
+        most: Largest number of cells, halved ones too.
+        keep (NPZ): Write the boxes to this file; if it is there, go on from what it holds.
     """
     if (to is None) != (not q) or (way and to is None):
-        raise ConfigurationError("give joint values and --to for a way, --way to write it")
+        raise sa.ConfigurationError("give joint values and --to for a way, --way to write it")
     ends = []
     if q and to:
-        ends = [joint_values(arm, x, deg) for x in (q, numbers("--to", to).tolist())]
-    so_far = FreeBoxes.load(keep, arm, mode.value) if keep and keep.exists() else None
+        ends = [opt.joint_values(arm, x, deg) for x in (q, opt.numbers("--to", to).tolist())]
+    so_far = sa.FreeBoxes.load(keep, arm, mode.value) if keep and keep.exists() else None
     within = _everywhere(arm) if no_limits else None
     found, code = kept(
         "covering",
-        lambda progress: free_boxes(
+        lambda progress: sa.free_boxes(
             arm,
             within=within,
             share=share,
@@ -166,6 +122,6 @@ def cover_by_boxes(
     return code
 
 
-def _everywhere(arm: SpaceArm) -> tuple[Array, Array]:
+def _everywhere(arm: sa.SpaceArm) -> tuple[Array, Array]:
     """Return the range without joint limits."""
     return np.full(arm.n, -np.inf), np.full(arm.n, np.inf)

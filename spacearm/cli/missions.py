@@ -7,24 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
-from spacearm.cli.options import (
-    AsJson,
-    Attitude,
-    JointValues,
-    NoLimits,
-    Picture,
-    Save,
-    View,
-    goal_from,
-    joint_values,
-    numbers,
-    on_a_model,
-    radians,
-    to_write,
-)
+import spacearm as sa
+from spacearm.cli import options as opt
 from spacearm.cli.output import answer, out, working
 from spacearm.cli.questions import (
     With,
@@ -36,232 +22,200 @@ from spacearm.cli.questions import (
 )
 from spacearm.cli.wording import NUMBER, join_numbers
 from spacearm.export.motion_files import read_measured
-from spacearm.mission.attitudes import MARGIN, feasible_attitudes
-from spacearm.mission.catching import catch
-from spacearm.mission.reactions import reaction, size_wheels
-from spacearm.model.arm import SpaceArm
-from spacearm.motion.motion import Motion
+from spacearm.mission.attitudes import MARGIN
 from spacearm.singularities.risk import NEAR
-from spacearm.uncertainty.identification import identify
 
 
-@on_a_model
+@opt.on_a_model
 def find_attitudes(
-    arm: SpaceArm,
-    corner: Annotated[
-        list[str],
-        typer.Option(
-            help="A corner of the path, the first is its start: task rows of the tip, from the "
-            "system CM [m], turns as roll pitch yaw. Give two or more.",
-            metavar="X1 X2 ...",
-        ),
-    ],
-    q: JointValues = None,
-    attitude: Attitude = None,
-    margin: Annotated[
-        float | None,
-        typer.Option(help="Least distance to the singular set [rad]; 1 degree by default.", min=0),
-    ] = None,
-    samples: Annotated[int | None, typer.Option(help="Number of attitudes tried at first.")] = None,
-    no_limits: NoLimits = False,
+    arm: sa.SpaceArm,
+    corner: list[str],
+    q: opt.JointValues = None,
+    attitude: opt.Attitude = None,
+    margin: Annotated[float | None, typer.Option(min=0)] = None,
+    samples: int | None = None,
+    no_limits: opt.NoLimits = False,
     more: With = None,
-    output: Picture = None,
-    view: View = False,
+    output: opt.Picture = None,
+    view: opt.View = False,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
     """Find the attitudes of the spacecraft from which the tip can follow a path.
 
     With joint values, a posture near the start of the path, from that branch of postures; else
     from all. --with gives more of what sa.feasible_attitudes takes: start with its momentum, speed,
     refine, seed.
+
+    Options:
+        corner (X1 X2 ...): A corner of the path, the first is its start: task rows of the tip, from
+            the system CM [m], turns as roll pitch yaw. Give two or more.
+        margin: Least distance to the singular set [rad]; 1 degree by default.
+        samples: Number of attitudes tried at first.
     """
-    asked = question(more, "start", "speed", "refine", "seed", "length")
+    told = ("speed", "refine", "seed", "length")
+    asked = question(more, "start", *told)
     anywhere = not q and "q" not in asked.inner("start").values
-    near = np.zeros(arm.n) if anywhere else joint_values(arm, q, deg) if q else None
-    start = start_of(arm, asked, near, attitude, deg)
-    given = radians(margin, deg)
+    start = start_of(arm, asked, [0.0] * arm.n if anywhere else q, attitude, deg)
     with working("trying attitudes") as progress:
-        found = feasible_attitudes(
+        found = sa.feasible_attitudes(
             start,
-            [goal_from(arm, "--corner", text, deg) for text in corner],
+            [opt.goal_from(arm, "--corner", text, deg) for text in corner],
             all_branches=anywhere,
-            margin=MARGIN if given is None else given,
+            margin=opt.radians(margin, deg, MARGIN),
             limits=not no_limits,
             samples=samples,
             progress=progress,
-            **{key: value for key, value in asked.values.items() if key != "start"},
+            **asked.some(*told),
         )
     answer(arm, found, "attitudes", deg=deg, as_json=as_json, output=output, view=view)
 
 
-@on_a_model
+@opt.on_a_model
 def find_catch(
-    arm: SpaceArm,
-    target: Annotated[
-        Path,
-        typer.Option(
-            help="What is caught, by the names of sa.Target: body (a robot file, or mass, size, "
-            "inertia, com), pose, twist, grapples, orbit.",
-            metavar="TOML",
-        ),
-    ],
-    q: JointValues = None,
-    window: Annotated[
-        str, typer.Option(help="Earliest and latest contact [s].", metavar="FROM,TO")
-    ] = "0,60",
-    grapple: Annotated[
-        str | None, typer.Option(help="Grapple frame; any of them by default.")
-    ] = None,
-    attitude: Attitude = None,
+    arm: sa.SpaceArm,
+    target: Path,
+    q: opt.JointValues = None,
+    window: str = "0,60",
+    grapple: str | None = None,
+    attitude: opt.Attitude = None,
     more: With = None,
-    output: Picture = None,
-    save: Save = None,
-    view: View = False,
+    output: opt.Picture = None,
+    save: opt.Save = None,
+    view: opt.View = False,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
     """Find when and how the arm catches a tumbling target, with its velocity, and brakes it.
 
     --with gives more of what sa.catch takes: start, approach, closing, touching,
     bears, wanted, constraints, search.
+
+    Options:
+        target (TOML): What is caught, by the names of sa.Target: body (a robot file, or mass, size,
+            inertia, com), pose, twist, grapples, orbit.
+        window (FROM,TO): Earliest and latest contact [s].
+        grapple: Grapple frame; any of them by default.
     """
-    asked = question(
-        more, "start", "approach", "closing", "touching", "bears", "wanted", "constraints", "search"
-    )
-    start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
-    early, late = numbers("--window", window, 2).tolist()
-    rest = {
-        k: v
-        for k, v in asked.values.items()
-        if k in ("approach", "closing", "touching", "bears", "wanted")
-    }
+    told = ("approach", "closing", "touching", "bears", "wanted")
+    asked = question(more, "start", "constraints", "search", *told)
+    start = start_of(arm, asked, q, attitude, deg)
+    early, late = opt.numbers("--window", window, 2).tolist()
     with working("trying contacts", searches=True) as progress:
-        found = catch(
+        found = sa.catch(
             start,
             target_of(target),
             grapple,
             window=(early, late),
             constraints=constraints_of(asked.inner("constraints")),
             search=search_of(asked.inner("search"), progress),
-            **rest,
+            **asked.some(*told),
         )
     answer(arm, found, "catch", deg=deg, as_json=as_json, save=save, output=output, view=view)
 
 
-@on_a_model
+@opt.on_a_model
 def identify_held(
-    arm: SpaceArm,
-    motion: Annotated[
-        Path,
-        typer.Option(
-            help="What was measured: a table (CSV) headed as by sa.write_motion, with 't [s]', "
-            "'q JOINT [rad]' and 'base x [m]' to 'base qw [1]', better with 'dq JOINT [rad/s]' "
-            "and 'twist vx [m/s]' to 'twist wz [rad/s]' too; or a motion that --save wrote.",
-            metavar="CSV|NPZ",
-        ),
-    ],
-    noise: Annotated[
-        str | None,
-        typer.Option(
-            help="Standard deviations of the spacecraft's velocity [m/s] and angular velocity "
-            "[rad/s], and of joint rates; found from the residuals by default.",
-            metavar="V,W,DQ",
-        ),
-    ] = None,
-    output: Picture = None,
+    arm: sa.SpaceArm,
+    motion: Path,
+    noise: str | None = None,
+    output: opt.Picture = None,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
     """Identify what the hand holds from measured rates: mass, CM and inertia.
 
     The arm is given without what it holds.
+
+    Options:
+        motion (CSV|NPZ): What was measured: a table (CSV) headed as by sa.write_motion, with 't
+            [s]', 'q JOINT [rad]' and 'base x [m]' to 'base qw [1]', better with 'dq JOINT [rad/s]'
+            and 'twist vx [m/s]' to 'twist wz [rad/s]' too; or a motion that --save wrote.
+        noise (V,W,DQ): Standard deviations of the spacecraft's velocity [m/s] and angular velocity
+            [rad/s], and of joint rates; found from the residuals by default.
     """
     dq, twist = None, None
     if motion.suffix == ".csv":
         measured, dq, twist = read_measured(motion, arm)
     else:
-        measured = Motion.load(motion, arm)
-    sizes = None if noise is None else numbers("--noise", noise, 3)
-    found = identify(measured, arm, dq=dq, twist=twist, noise=sizes)
+        measured = sa.Motion.load(motion, arm)
+    sizes = None if noise is None else opt.numbers("--noise", noise, 3)
+    found = sa.identify(measured, arm, dq=dq, twist=twist, noise=sizes)
     answer(arm, found, "identified", deg=deg, as_json=as_json, output=output)
 
 
-@on_a_model
+@opt.on_a_model
 def report_reaction(
-    arm: SpaceArm,
-    motion: Annotated[
-        Path, typer.Option(help="A motion written by --save of plan or simulate.", metavar="NPZ")
-    ],
-    camera: Annotated[
-        str | None,
-        typer.Option(help="Line of sight of a camera, spacecraft axes.", metavar="X,Y,Z"),
-    ] = None,
-    output: Picture = None,
+    arm: sa.SpaceArm,
+    motion: Path,
+    camera: str | None = None,
+    output: opt.Picture = None,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
-    """Report what a motion does to the spacecraft, and what holding the attitude takes."""
-    sight = None if camera is None else numbers("--camera", camera, 3)
+    """Report what a motion does to the spacecraft, and what holding the attitude takes.
+
+    Options:
+        motion (NPZ): A motion written by --save of plan or simulate.
+        camera (X,Y,Z): Line of sight of a camera, spacecraft axes.
+    """
+    sight = None if camera is None else opt.numbers("--camera", camera, 3)
     with working("computing reactions") as progress:
-        found = reaction(Motion.load(motion, arm), camera=sight, progress=progress)
+        found = sa.reaction(sa.Motion.load(motion, arm), camera=sight, progress=progress)
     answer(arm, found, "reaction", deg=deg, as_json=as_json, output=output)
 
 
-@on_a_model
+@opt.on_a_model
 def size_wheels_of(
-    arm: SpaceArm,
-    tip_speed: Annotated[
-        float | None, typer.Option(help="Speed of the tip [m/s] in any direction, any posture.")
-    ] = None,
-    motion: Annotated[
-        list[Path] | None,
-        typer.Option(help="A motion to cover instead; may be repeated.", metavar="NPZ"),
-    ] = None,
-    samples: Annotated[int, typer.Option(help="Number of postures.", min=1)] = 2000,
-    near: Annotated[
-        float | None,
-        typer.Option(help="Postures nearer to a singularity are left out; 5 degrees by default."),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the postures.")] = 0,
-    output: Picture = None,
+    arm: sa.SpaceArm,
+    tip_speed: float | None = None,
+    motion: list[Path] | None = None,
+    samples: Annotated[int, typer.Option(min=1)] = 2000,
+    near: float | None = None,
+    seed: int = 0,
+    output: opt.Picture = None,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
-    """Compute the momentum that wheels need to hold the attitude while the arm moves."""
-    apart = radians(near, deg)
+    """Compute the momentum that wheels need to hold the attitude while the arm moves.
+
+    Options:
+        tip_speed: Speed of the tip [m/s] in any direction, any posture.
+        motion (NPZ): A motion to cover instead; may be repeated.
+        samples: Number of postures.
+        near: Postures nearer to a singularity are left out; 5 degrees by default.
+        seed: Seed of the postures.
+    """
     with working("sizing wheels") as progress:
-        found = size_wheels(
+        found = sa.size_wheels(
             arm,
-            [Motion.load(path, arm) for path in motion] if motion else None,
+            [sa.Motion.load(path, arm) for path in motion] if motion else None,
             tip_speed=tip_speed,
             samples=samples,
-            near=NEAR if apart is None else apart,
+            near=opt.radians(near, deg, NEAR),
             seed=seed,
             progress=progress,
         )
     answer(arm, found, "wheels", deg=deg, as_json=as_json, output=output)
 
 
-@on_a_model
+@opt.on_a_model
 def write_report(
-    arm: SpaceArm,
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output", "-o", help="The page to write.", metavar="HTML", callback=to_write
-        ),
-    ],
-    q: JointValues = None,
+    arm: sa.SpaceArm,
+    output: Annotated[Path, typer.Option("--output", "-o", callback=opt.to_write)],
+    q: opt.JointValues = None,
     deg: bool = False,
 ) -> None:
     """Write a design report: one page with arm, singular sets, workspaces and reactions.
 
     Joint values give the working posture; without them it is one far from singularities.
+
+    Options:
+        output (HTML): The page to write.
     """
     from spacearm.plots.report_page import design_report  # imports matplotlib
 
-    start = joint_values(arm, q, deg) if q else None
+    start = opt.joint_values(arm, q, deg) if q else None
     with working("writing the report") as progress:
         path = design_report(
             arm, output, q0=start, words=_describing(sys.argv[2:]), progress=progress

@@ -7,36 +7,20 @@ from typing import Annotated
 
 import typer
 
-from spacearm.cli.options import (
-    Attitude,
-    joint_values,
-    on_a_model,
-    spacecraft_pose,
-    to_write,
-)
+import spacearm as sa
+from spacearm.cli import options as opt
 from spacearm.cli.output import out, serve_until_interrupted, undisturbed, working
-from spacearm.errors import ConfigurationError
-from spacearm.model.arm import SpaceArm
-from spacearm.motion.motion import Motion
 from spacearm.viewer.motions import WORDS
 from spacearm.viewer.session import opening_posture
 from spacearm.viewer.show import view as show
 
 
-@on_a_model
+@opt.on_a_model
 def view_configuration(
-    arm: SpaceArm,
-    q: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[Q1 Q2 ...]", help="Joint values [rad] or [m]; a regular posture if left out."
-        ),
-    ] = None,
-    attitude: Attitude = None,
-    motion: Annotated[
-        Path | None,
-        typer.Option(help="Play a motion written by --save of plan or simulate.", metavar="NPZ"),
-    ] = None,
+    arm: sa.SpaceArm,
+    q: Annotated[list[str] | None, typer.Argument()] = None,
+    attitude: opt.Attitude = None,
+    motion: Path | None = None,
     compare: Annotated[
         str | None,
         typer.Option(
@@ -45,53 +29,41 @@ def view_configuration(
             metavar="NPZ|MODE",
         ),
     ] = None,
-    fly: Annotated[
-        bool,
-        typer.Option("--fly", help="Begin with the tip led by keyboard or gamepad."),
-    ] = False,
-    port: Annotated[
-        int | None,
-        typer.Option(help="Port of the page; by default the first free one from 7400 on."),
-    ] = None,
-    no_open: Annotated[
-        bool, typer.Option("--no-open", help="Serve the page, do not open a browser.")
-    ] = False,
-    save: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write one self-contained page and exit.", metavar="HTML", callback=to_write
-        ),
-    ] = None,
-    png: Annotated[
-        Path | None,
-        typer.Option(help="Write a picture and exit.", metavar="PNG", callback=to_write),
-    ] = None,
-    video: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write a video of the motion and exit: .mp4, .webm or .gif; or .zip of pictures, "
-            "30 a second.",
-            metavar="FILE",
-            callback=to_write,
-        ),
-    ] = None,
+    fly: bool = False,
+    port: int | None = None,
+    no_open: bool = False,
+    save: opt.Written = None,
+    png: opt.Written = None,
+    video: opt.Written = None,
     deg: bool = False,
 ) -> None:
-    """Show a configuration or play a motion in the browser, with sliders; Ctrl-C ends it."""
+    """Show a configuration or play a motion in the browser, with sliders; Ctrl-C ends it.
+
+    Options:
+        q ([Q1 Q2 ...]): Joint values [rad] or [m]; a regular posture if left out.
+        motion (NPZ): Play a motion written by --save of plan or simulate.
+        fly: Begin with the tip led by keyboard or gamepad.
+        port: Port of the page; by default the first free one from 7400 on.
+        no_open: Serve the page, do not open a browser.
+        save (HTML): Write one self-contained page and exit.
+        png (PNG): Write a picture and exit.
+        video (FILE): Write a video of the motion and exit: .mp4, .webm or .gif; or .zip of
+            pictures, 30 a second.
+    """
     with undisturbed():
         if motion:
             if q or attitude:
-                raise ConfigurationError(
+                raise sa.ConfigurationError(
                     "the motion has its own postures; leave out q and --attitude"
                 )
             given = compare is None or compare in WORDS
-            other = compare if given else Motion.load(str(compare), arm)
-            viewer = show(Motion.load(motion, arm), compare=other, open=False)
+            other = compare if given else sa.Motion.load(str(compare), arm)
+            viewer = show(sa.Motion.load(motion, arm), compare=other, open=False)
         elif compare:
-            raise ConfigurationError("there is no motion to compare; give --motion")
+            raise sa.ConfigurationError("there is no motion to compare; give --motion")
         else:
-            start = joint_values(arm, q, deg) if q else opening_posture(arm)
-            viewer = show(arm.at(start, base=spacecraft_pose(attitude, deg)), open=False)
+            start = opt.joint_values(arm, q, deg) if q else opening_posture(arm)
+            viewer = show(arm.at(start, base=opt.spacecraft_pose(attitude, deg)), open=False)
     viewer.session.fly = fly
     if save:
         out.print(f"wrote {viewer.save(save)}")

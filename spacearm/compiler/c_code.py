@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from math import copysign, isinf, isnan
+from typing import Any
+
+import numpy as np
 
 from spacearm.compiler.expressions import Expression, Operand, Tape, TracingError
 from spacearm.compiler.operations import OPERATIONS
@@ -170,6 +173,27 @@ def number(value: float) -> str:
         return "NAN"
     size = "INFINITY" if isinf(value) else repr(abs(float(value)))
     return f"(-{size})" if copysign(1.0, value) < 0.0 else size
+
+
+def initialiser(values: Any) -> str:
+    """Return a number, or arrays of numbers in braces, as C initialises them."""
+    if not np.ndim(values):
+        return number(float(values))
+    return f"{{{', '.join(map(initialiser, values))}}}"
+
+
+def fields(shapes: Mapping[str, tuple[int, ...]]) -> str:
+    """Return the declarations of the fields of a struct, by their names and shapes."""
+    sizes = {name: "".join(f"[{size}]" for size in shape) for name, shape in shapes.items()}
+    return "\n".join(f"    double {name}{size};" for name, size in sizes.items())
+
+
+def elements(shapes: Mapping[str, tuple[int, ...]], before: str = "") -> list[str]:
+    """Return the numbers of a struct one by one, as in p->places[0][1] where `before` is p->."""
+    return [
+        f"{before}{name}{''.join(f'[{i}]' for i in index)}"
+        for name, shape in shapes.items() for index in np.ndindex(shape)
+    ]  # fmt: skip
 
 
 def _text(operand: Operand, place: Mapping[int, str]) -> str:

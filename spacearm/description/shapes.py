@@ -208,10 +208,7 @@ def capsule(
 
 
 def primitive(
-    kind: str,
-    numbers: Callable[[str, int], Array],
-    pose: pin.SE3,
-    rgba: tuple[float, ...] | None,
+    kind: str, numbers: Callable[[str, int], Array], pose: pin.SE3, rgba: tuple[float, ...] | None
 ) -> tuple[Shape, ...]:
     """Return a box, sphere, cylinder or capsule, or an ellipsoid as its box, at a pose.
 

@@ -30,7 +30,6 @@ PIECE, INTERVAL = 4, 30
 """Columns of the tables of `at_length`."""
 FADING = 0.3
 """As in `mechanics.distance`."""
-FIRST_STEP = 0.02
 LEAST_STEP = 1e-11
 """Shorter steps are not made: where no longer one is accurate, the arm is at a singularity."""
 LANDED = 1e-12
@@ -60,8 +59,8 @@ class How(NamedTuple):
         margin: Distance to the singular set that ends the motion [rad].
         tolerance: Error of a step in each component of the state.
         stride: Longest step, along the curve in (q, s).
-        least_stride: Steps reach half as far as the limits, or as the distance is from `care`, but
-            need not be shorter than this.
+        least_stride: The first step. Others reach half as far as joint limits or the largest
+            turn, or as the distance is from `care`, but need not be shorter than this.
         care: Distance to the singular set whose crossing matters [rad].
         spacing: States are met at multiples of this length, too; inf if they need not be.
     """
@@ -191,7 +190,7 @@ def lead(
         met = xp.where(made & met, 1.0, 0.0)
         return *found, xp.concatenate([xp.stack([met]), y[:n]])
 
-    start = (y, k, first + zero, FIRST_STEP + zero, zero, c.spacing + zero, zero)
+    start = (y, k, first + zero, c.least_stride + zero, zero, c.spacing + zero, zero)
     found = [*xp.while_any(step, *start, *seen, most=most, keep=keep)]
     rows = [found.pop()] if keep else []
     y, turns, noted = found[0], found[6], found[7:]

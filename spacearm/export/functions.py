@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from string import Template
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,14 +18,14 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.compiler import symbols
-from spacearm.compiler.c_code import Code, number
+from spacearm.compiler.c_code import Code, elements, fields, initialiser
 from spacearm.compiler.symbols import Shape, derivatives, trace
 from spacearm.equations import dynamics, kinematics, measures
 from spacearm.equations.kinematics import Parameters, Structure
 from spacearm.equations.linear_algebra import bidiagonal
 from spacearm.equations.measures import distance, singularity
 from spacearm.errors import ConfigurationError, UnsupportedError, imported, unknown
-from spacearm.export.servo_code import servo_code
+from spacearm.export.servo_code import servo_code, template
 from spacearm.files import name_part, write
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mechanics.distance import FADING
@@ -412,19 +411,14 @@ def to_c(
     words |= {"N": str(tree.n), "K": str(len(tree.rows))}
     if varied:
         writer.write_by_parameters()
-        words["fields"] = "\n".join(
-            f"    double {which}{''.join(f'[{size}]' for size in values.shape)};"
-            for which, values in varied.items()
-        )
-        words["values"] = ",\n".join(f"    {_braces(values)}" for values in varied.values())
-    header = HEADER.substitute(
-        words,
-        struct=STRUCT.substitute(words) if varied else "",
-        declarations="\n".join(writer.declarations),
-    )
+        words["fields"] = fields(writer.shapes)
+        words["values"] = ",\n".join(f"    {initialiser(values)}" for values in varied.values())
+    struct = template("parameters.h").substitute(words) if varied else ""
+    declarations = "\n".join(writer.declarations)
+    header = template("arm.h").substitute(words, struct=struct, declarations=declarations)
     source = "\n".join((
-        SOURCE.substitute(words),
-        *([NOMINAL.substitute(words)] if varied else []),
+        template("arm.c").substitute(words),
+        *([template("parameters.c").substitute(words)] if varied else []),
         *writer.code.functions,
         *writer.definitions,
     ))  # fmt: skip
@@ -446,6 +440,7 @@ class _Writer:
         self, name: str, tree: Structure, numbers: Parameters, varied: dict[str, Array]
     ) -> None:
         self.name, self.tree, self.varied = name, tree, varied
+        self.shapes: dict[str, Shape] = {which: x.shape for which, x in varied.items()}
         self.numbers = symbolic(numbers)
         self.code = Code(f"{name}_part")
         self.declarations: list[str] = []
@@ -461,7 +456,7 @@ class _Writer:
         shapes: dict[str, Shape] = dict.fromkeys(what.arguments, (self.tree.n,))
         if what.jacobian:
             shapes = {"J": (6 * len(self.tree.tips), self.tree.n)}
-        traced = trace(function, shapes | {n: v.shape for n, v in self.varied.items()})
+        traced = trace(function, shapes | self.shapes)
         wanted, texts = [], [what.returned] if what.returned else []
         for name, output in zip(what.outputs, traced.outputs[len(texts) :], strict=True):
             shape = np.shape(output)
@@ -478,9 +473,9 @@ class _Writer:
             S = singularity(symbols, self.tree, self.numbers._replace(**varied), q)
             return S, *(derivatives(S, symbol) for symbol in varied.values())
 
-        shapes = {"q": (self.tree.n,)} | {n: v.shape for n, v in self.varied.items()}
+        shapes = {"q": (self.tree.n,)} | self.shapes
         what = Exported("S, and its gradient by the parameters.", singularity, ("q",), (), "S")
-        texts = ["S", *self._elements("gradient->")]
+        texts = ["S", *elements(self.shapes, "gradient->")]
         wanted = [f"{self.name}_parameters *gradient"]
         self._finish("singularity_by_parameters", what, trace(function, shapes), wanted, texts)
 
@@ -493,7 +488,7 @@ class _Writer:
         names = [*what.arguments, *(["p"] if self.varied else [])]
         inputs = [f"{name}[{i}]" for name, shape in traced.inputs.items()
                   if name not in self.varied for i in range(int(np.prod(shape)))]  # fmt: skip
-        body = self.code.body(traced, [*inputs, *self._elements("p->")], texts)
+        body = self.code.body(traced, [*inputs, *elements(self.shapes, "p->")], texts)
         if what.jacobian and "J[" in body:
             call = f"{self.name}_jacobian({', '.join(names)}, J);"
             body = f"    double J[{len(inputs)}];\n    {call}\n{body}"
@@ -505,64 +500,9 @@ class _Writer:
         self.declarations.append(f"/* {what.comment} */\n{head};\n")
         self.definitions.append(f"{head}\n{{\n{first}{''.join(unused)}{body}\n{last}}}\n")
 
-    def _elements(self, before: str) -> list[str]:
-        """Return the elements of the struct as C."""
-        return [
-            f"{before}{which}{''.join(f'[{i}]' for i in index)}"
-            for which, values in self.varied.items() for index in np.ndindex(values.shape)
-        ]  # fmt: skip
-
-
-def _braces(values: Array) -> str:
-    """Return numbers as C initialises arrays of arrays."""
-    inner = (_braces(row) if np.ndim(row) else number(row) for row in values)
-    return f"{{{', '.join(inner)}}}"
-
 
 def _comment(arm: SpaceArm) -> str:
     """Return what the header says of the arm; nothing of it can end the comment."""
     text = f"{arm.name}: joints {', '.join(arm.joint_names)}; tip {', '.join(arm.tips)}; "
     text += f"task {arm.task.names}"
     return re.sub(r"[^ -~]|[*/\\?]", "_", text)
-
-
-HEADER = Template("""\
-/* $arm.
- * The spacecraft is $mode. Written by spacearm; SI units, radians, spacecraft axes. */
-#ifndef ${NAME}_H
-#define ${NAME}_H
-
-#define ${NAME}_JOINTS $N
-#define ${NAME}_ROWS $K
-
-#ifdef __cplusplus
-extern "C" {
-#endif
-$struct
-$declarations
-#ifdef __cplusplus
-}
-#endif
-#endif
-""")
-
-STRUCT = Template("""
-/* Numbers of the arm, SI units: body 0 is the spacecraft, joint i (from 0) carries body i + 1. */
-typedef struct {
-$fields
-} ${name}_parameters;
-
-extern const ${name}_parameters ${name}_nominal; /* the arm's own */
-""")
-
-NOMINAL = Template("""\
-const ${name}_parameters ${name}_nominal = {
-$values
-};
-""")
-
-SOURCE = Template("""\
-#include "$name.h"
-
-#include <math.h>
-""")

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from string import Template
 from typing import Any
 
 import numpy as np
 
 from spacearm.compiler import symbols
-from spacearm.compiler.c_code import Code, number, operations
+from spacearm.compiler.c_code import Code, elements, fields, initialiser, number, operations
 from spacearm.compiler.symbols import trace
 from spacearm.equations import servo as ticks
 from spacearm.equations.kinematics import Parameters, Structure
-from spacearm.equations.servo import (
-    CAUSES,
-    HALTS,
-    Limits,
-    Memory,
-    Seen,
-    Tick,
-    packed,
-    shapes,
-    unpacked,
-)
+from spacearm.equations.servo import Limits, Memory, Seen, Tick, packed, shapes, unpacked
 from spacearm.servo.servo import Servo
 
 STRUCTS = {"seen": Seen, "limits": Limits, "memory": Memory, "tick": Tick}
@@ -55,87 +46,28 @@ def servo_code(
         return packed((*tick, *memory), symbols)
 
     traced = trace(step, {ending: (ticks.size(STRUCTS[ending], n, tips),) for ending in TAKEN})
-    inputs = [
-        text for ending in TAKEN for text in _elements(STRUCTS[ending], f"{ending}->", n, tips)
-    ]
-    outputs = [*_elements(Tick, "tick->", n, tips), *_elements(Memory, "next.", n, tips)]
+    known = {ending: shapes(kind, n, tips) for ending, kind in STRUCTS.items()}
+    inputs = [text for ending in TAKEN for text in elements(known[ending], f"{ending}->")]
+    outputs = [*elements(known["tick"], "tick->"), *elements(known["memory"], "next.")]
     body = code.body(traced, inputs, outputs)
-    start = [
-        f"    memory->{place} = {f'q[{i}]' if which == 'q' else number(value)};"
-        for which, values in ticks.unknowing(n, np.zeros(n))._asdict().items()
-        for i, (place, value) in enumerate(
-            zip(_places(which, np.shape(values)), np.ravel(values), strict=True)
-        )
-    ]
-    structs = (_struct(name, ending, kind, n, tips) for ending, kind in STRUCTS.items())
-    words = {
-        "name": name, "N": str(n), "body": body, "start": "\n".join(start),
-        "operations": f"{operations(traced):,}", "structs": "\n".join(structs),
-        "values": ",\n".join(f"    {_initialiser(value)}" for value in servo.limits),
-        "frame": servo.frame, "causes": ", ".join(CAUSES),
-        "halts": ", ".join(f"{i} {halt}" for i, halt in enumerate(HALTS) if halt),
-    }  # fmt: skip
-    return DECLARATIONS.substitute(words), DEFINITIONS.substitute(words)
-
-
-def _places(name: str, shape: tuple[int, ...]) -> list[str]:
-    """Return the elements of a field as C, one after the other."""
-    return [name + "".join(f"[{i}]" for i in index) for index in np.ndindex(shape)]
-
-
-def _elements(kind: Any, before: str, n: int, tips: int) -> list[str]:
-    """Return the elements of a struct as C, in the order of `packed`."""
-    return [
-        before + place
-        for name, shape in shapes(kind, n, tips).items()
-        for place in _places(name, shape)
-    ]
-
-
-def _struct(name: str, ending: str, kind: Any, n: int, tips: int) -> str:
-    """Return the declaration of a struct."""
-    fields = (
-        f"    double {field}{''.join(f'[{size}]' for size in shape)};"
-        for field, shape in shapes(kind, n, tips).items()
+    values = map(number, packed(ticks.unknowing(n, np.zeros(n))))
+    start = dict(zip(elements(known["memory"]), values, strict=True))
+    start |= {f"q[{i}]": f"q[{i}]" for i in range(n)}
+    structs = (
+        f"typedef struct {{\n{fields(of)}\n}} {name}_servo_{ending};\n"
+        for ending, of in known.items()
     )
-    return "typedef struct {\n" + "\n".join(fields) + f"\n}} {name}_servo_{ending};\n"
+    words = {
+        "name": name, "N": str(n), "body": body,
+        "start": "\n".join(f"    memory->{place} = {x};" for place, x in start.items()),
+        "operations": f"{operations(traced):,}", "structs": "\n".join(structs),
+        "values": ",\n".join(f"    {initialiser(value)}" for value in servo.limits),
+        "frame": servo.frame, "causes": ", ".join(ticks.CAUSES),
+        "halts": ", ".join(f"{i} {halt}" for i, halt in enumerate(ticks.HALTS) if halt),
+    }  # fmt: skip
+    return template("servo.h").substitute(words), template("servo.c").substitute(words)
 
 
-def _initialiser(value: Any) -> str:
-    """Return a number, or numbers, as C initialises a field."""
-    return f"{{{', '.join(map(number, value))}}}" if np.ndim(value) else number(float(value))
-
-
-DECLARATIONS = Template("""\
-/* The servo: what it is told, what it keeps, what it remembers, what it says. SI units, radians;
- * the twist in axes of: $frame. shares[] is what each of these leaves of the motion: $causes.
- * halt is 0, or why the arm is brought to rest: $halts. */
-$structs
-extern const ${name}_servo_limits ${name}_servo_nominal; /* what it keeps unless told otherwise */
-
-/* At rest at q; it searches before it moves. */
-void ${name}_servo_begin(const double q[$N], ${name}_servo_memory *memory);
-
-/* A step: tick->rates are the joint rates until the next. At most $operations operations. */
-void ${name}_servo_step(const ${name}_servo_seen *seen, const ${name}_servo_limits *limits,
-                        ${name}_servo_memory *memory, ${name}_servo_tick *tick);
-""")
-
-DEFINITIONS = Template("""\
-const ${name}_servo_limits ${name}_servo_nominal = {
-$values
-};
-
-void ${name}_servo_begin(const double q[$N], ${name}_servo_memory *memory)
-{
-$start
-}
-
-void ${name}_servo_step(const ${name}_servo_seen *seen, const ${name}_servo_limits *limits,
-                        ${name}_servo_memory *memory, ${name}_servo_tick *tick)
-{
-    ${name}_servo_memory next;
-$body
-    *memory = next;
-}
-""")
+def template(name: str) -> Template:
+    """Return a text of the folder c, in which words with a dollar sign stand for others."""
+    return Template(Path(__file__).with_name("c").joinpath(name).read_text(encoding="utf-8"))

@@ -21,13 +21,7 @@ from spacearm.description.model_catalogue import holding
 from spacearm.description.tips import Counting, Tips, choose_tips, hold, only_tip, remaining
 from spacearm.description.tree import Tree, Wheels, coupling, joint_limits
 from spacearm.description.urdf_writer import document
-from spacearm.errors import (
-    ModelError,
-    UnsupportedError,
-    called_from_outside,
-    listed,
-    warn,
-)
+from spacearm.errors import ModelError, UnsupportedError, called_from_outside, listed, warn
 from spacearm.files import write
 from spacearm.model.frames import LWA, PoseLike, sound_pose
 from spacearm.model.joints import JointSpace, joint_vector, outside_limits, warn_outside

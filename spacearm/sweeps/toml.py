@@ -45,6 +45,10 @@ class Table:
             if key not in names:
                 raise ConfigurationError(f"{self.where}: {unknown('key', key, names)}")
 
+    def some(self, *names: str) -> dict[str, Any]:
+        """Return those of these keys that there are, with their values."""
+        return {name: self.values[name] for name in names if name in self.values}
+
     def fail(self, key: str, remedy: str) -> ConfigurationError:
         """Return the error for the value of a key, with a remedy."""
         value = self.values.get(key, "missing")

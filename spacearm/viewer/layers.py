@@ -241,15 +241,21 @@ class LoadLayer:
         for i in range(len(self._push)):
             for name, heads, _ in PARTS:
                 _arrow(self._wrenches[str(i)][name], OLIVE, heads)
-        root["bodies"]["held"].delete()
+        self._bodies = root["bodies"]["held"]
+        self._bodies.delete()
         holders = dict.fromkeys(run.arm for run in getattr(motion, "phases", ()))
         for i, holder in enumerate(holders):
             for link, body in holder.tree.links.items():
                 if link not in cfg.arm.tree.links and body is not None:
-                    node = root["bodies"]["held"][str(i)][link]
+                    node = self._bodies[str(i)][link]
                     material = g.MeshPhongMaterial(color=STEEL, opacity=0.6, transparent=True)
                     node.set_object(g.Sphere(1.0), material)
                     self._held.append((holder, link, ellipsoid(body, LEAST * size), node))
+
+    def leave_bodies(self) -> None:
+        """Leave out the bodies that are held, where they are drawn with their own shapes."""
+        self._held.clear()
+        self._bodies.delete()
 
     def draw(self, cfg: Configuration, t: float) -> None:
         """Draw the loads at a time, of a motion, or those of the configuration."""

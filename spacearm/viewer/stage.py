@@ -96,7 +96,8 @@ class Stage:
         self.show_layer("obstacles", "obstacles" not in self.hidden)
 
     def show_target(self, catch: Catch) -> None:
-        """Draw the target of the catch that plays."""
+        """Draw the target of the catch that plays, in the hand too."""
+        self._loads.leave_bodies()
         self._target = layers.TargetLayer(self.scene.root["target"], catch, self.scene.size)
         self.draw()
 

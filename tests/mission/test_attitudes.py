@@ -62,13 +62,17 @@ def test_the_start_of_figure_5_fails_and_others_succeed(ring):
 
 
 def test_it_says_of_every_attitude_what_follow_says(ring):
-    """The compiled following and the one by scipy's DOP853 are independent."""
+    """The compiled following and the one by scipy's DOP853 are independent.
+
+    The least distance is that of the steps, which are at most 0.05 rad and finer near the margin.
+    """
     tried = np.flatnonzero(np.isfinite(ring.q[:, 0]))
     for i in np.random.default_rng(0).choice(tried, 5, replace=False):
         run = ring.motion(i)
         assert run.arrived == (ring.ended[i] == 0)
         assert run.s[-1] == pytest.approx(ring.s[i], abs=2e-3)
-        assert run.distance.min() == pytest.approx(ring.distance[i], abs=2e-3)
+        coarse = 2e-3 if ring.distance[i] < 2.0 * ring.margin else 0.025
+        assert run.distance.min() == pytest.approx(ring.distance[i], abs=coarse)
 
 
 def test_the_ends_are_where_follow_begins_to_fail(arm, ring):

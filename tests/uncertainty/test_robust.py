@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.arms import load_text, random_chain
+from helpers.arms import chosen, load_text, random_chain
 from scipy.stats import norm, uniform
 
 import spacearm as sa
@@ -323,7 +323,7 @@ def test_bad_input(arm, about):
         sa.uncertain(arm, {})
     with pytest.raises(sa.ConfigurationError, match="shares is"):
         about.realise([0.0, 2.0, 0.0])
-    sliding = load_text(random_chain(5, 6, ("revolute", "prismatic")), tip="tip")
+    sliding = load_text(random_chain(chosen(5), 6, ("revolute", "prismatic")), tip="tip")
     unsure = sa.uncertain(sliding, {sliding.whole.massive()[0]: {"mass": 0.1}})
     with pytest.raises(sa.UnsupportedError, match="sliding"):
         sa.is_free_for_all(unsure, np.zeros((2, 6)))

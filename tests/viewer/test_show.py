@@ -248,6 +248,7 @@ def test_a_catch_plays_with_its_target_in_the_hand_from_contact_on():
     assert "target" not in stage.hidden
     nodes = stage.poses()["nodes"]
     assert "/spacearm/target" in nodes
+    assert not stage._loads._held  # its own shapes are drawn, no ellipsoid
     held = catch.chase[-1].tip.actInv(catch.target.at(catch.t).pose)
     sent = []
     stage.scene.root["target"].window.send = sent.append

@@ -172,13 +172,7 @@ class _Reader:
         return [self._joint(name, "prismatic" if slides else "revolute", axis, at, joint, 0)]
 
     def _joint(
-        self,
-        name: str,
-        kind: str,
-        axis: np.ndarray,
-        at: pin.SE3,
-        joint: pin.JointModel,
-        j: int,
+        self, name: str, kind: str, axis: np.ndarray, at: pin.SE3, joint: pin.JointModel, j: int
     ) -> Joint:
         """Return a joint about or along an axis, with the limits of freedom j of its joint."""
         model = self._model

@@ -308,8 +308,7 @@ class Source:
         if len(values) != count or not (np.abs(values) <= LARGEST).all():
             wanted = "a finite number" if count == 1 else f"{count} finite numbers"
             self.fail(
-                f"{describe(element)} has {what}={text[:60]!r}",
-                f"give {wanted} up to {LARGEST:g}",
+                f"{describe(element)} has {what}={text[:60]!r}", f"give {wanted} up to {LARGEST:g}"
             )
         return values
 

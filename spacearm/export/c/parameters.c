@@ -1,0 +1,3 @@
+const ${name}_parameters ${name}_nominal = {
+$values
+};
