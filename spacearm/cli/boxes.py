@@ -95,7 +95,8 @@ def cover_by_boxes(
 ) -> int:
     """Cover joint space by ranges free of singular postures.
 
-    Finds ways through the ranges, too. All is proven, rounding included. Ctrl-C keeps what is covered.
+    Finds ways through the ranges, too. All is proven, rounding included. Ctrl-C keeps what is
+    covered.
 
     Options:
         to (Q1,Q2,...): Find a way through the boxes from the joint values given to these.

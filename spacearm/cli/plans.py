@@ -183,8 +183,8 @@ plan_motion = _command(
     plan,
     """Plan a motion that leads the tip to a goal.
 
-    Ctrl-C keeps the best attempt. --with gives all that sa.plan takes: start, goal, via, final_attitude, final_twist, duration,
-    mode, origin, constraints, search.
+    Ctrl-C keeps the best attempt. --with gives all that sa.plan takes: start, goal, via,
+    final_attitude, final_twist, duration, mode, origin, constraints, search.
     """,
     "via",
     "mode",
@@ -194,8 +194,8 @@ detumble_motion = _command(
     detumble,
     """Plan a motion after which wheels hold the spacecraft at rest.
 
-    The start has momentum: the spacecraft tumbles. --with gives all that sa.detumble takes: start with its momentum, goal, final_attitude,
-    duration, origin, constraints with wheels, search.
+    The start has momentum: the spacecraft tumbles. --with gives all that sa.detumble takes: start
+    with its momentum, goal, final_attitude, duration, origin, constraints with wheels, search.
     """,
 )
 
