@@ -166,9 +166,9 @@ def workspaces(
     Returns:
         Labelled arrays over the parameters: `piw` and `reachable` (volumes [m^3], areas [m^2] for
         planar arms), `fraction` (path independent share), `pdw` (shell, bound: radii [m], NaN where
-        there are fewer shells), `risk` (class) and `near_share` (share of all postures within 5
-        degrees of a singular one, to first order; both if `risk_bins` is not 0), `done`. After Ctrl-C the designs done so far are
-        returned; `done` marks them.
+        there are fewer shells), `done`; with `risk_bins` also `risk` (class) and `near_share`
+        (share of all postures within 5 degrees of a singular one, to first order). After Ctrl-C the
+        designs done so far are returned; `done` marks them.
 
     Raises:
         ConfigurationError: A parameter does not exist or has no values.
