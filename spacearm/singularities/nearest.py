@@ -86,7 +86,6 @@ RESTING = 1e-13
 """Offsets that come nearer by less than this are at rest [rad]."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class NearestSingular(Result):
     """The nearest singular configuration that was found, and how near none is.
 
