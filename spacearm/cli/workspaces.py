@@ -9,26 +9,14 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+import spacearm as sa
 from spacearm.arrays import Array, plain
-from spacearm.cli.options import (
-    AsJson,
-    Limits,
-    Picture,
-    Spacecraft,
-    SpacecraftMode,
-    View,
-    on_a_model,
-    radians,
-    table_of,
-)
+from spacearm.cli import options as opt
 from spacearm.cli.output import answer, err, kept, say_stopped, working
 from spacearm.cli.wording import INTERRUPTED
-from spacearm.errors import ConfigurationError
-from spacearm.model.arm import SpaceArm
 from spacearm.results import Column, Described, Description, Table
-from spacearm.singularities.risk import risk_profile
 from spacearm.workspaces.design import unit_of, workspaces
-from spacearm.workspaces.path_dependent import EFFORT, workspace
+from spacearm.workspaces.path_dependent import EFFORT
 
 COUNT = 9
 """Values of a range whose number is not given."""
@@ -44,18 +32,18 @@ Effort = Annotated[
 ]
 
 
-@on_a_model
+@opt.on_a_model
 def compute_workspace(
-    arm: SpaceArm,
-    mode: SpacecraftMode = Spacecraft.FREE,
-    limits: Limits = False,
+    arm: sa.SpaceArm,
+    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    limits: opt.Limits = False,
     effort: Effort = None,
     seed: int = 0,
     free: bool = False,
-    output: Picture = None,
+    output: opt.Picture = None,
     path: Path | None = None,
-    view: View = False,
-    as_json: AsJson = False,
+    view: opt.View = False,
+    as_json: opt.AsJson = False,
 ) -> int:
     """Compute and draw the path dependent and path independent workspaces.
 
@@ -70,7 +58,7 @@ def compute_workspace(
     tries = EFFORT if effort is None else effort
     result, code = kept(
         "computing the workspace",
-        lambda progress: workspace(
+        lambda progress: sa.workspace(
             arm, mode=mode.value, limits=limits, effort=tries, seed=seed, progress=progress
         ),
     )
@@ -95,17 +83,17 @@ def compute_workspace(
     return code
 
 
-@on_a_model
+@opt.on_a_model
 def compute_risk(
-    arm: SpaceArm,
-    limits: Limits = False,
+    arm: sa.SpaceArm,
+    limits: opt.Limits = False,
     near: Annotated[float | None, typer.Option(min=0.0)] = None,
     bins: Annotated[int, typer.Option(min=1)] = 20,
     samples: Annotated[int, typer.Option(min=1)] = 200_000,
     seed: int = 0,
-    output: Picture = None,
+    output: opt.Picture = None,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> int:
     """Estimate how many postures are near a singularity, by the tip's distance from the CM.
 
@@ -120,8 +108,8 @@ def compute_risk(
     """
     profile, code = kept(
         "sampling",
-        lambda progress: risk_profile(
-            arm, limits=limits, distance=radians(near, deg, None), bins=bins, samples=samples,
+        lambda progress: sa.risk_profile(
+            arm, limits=limits, distance=opt.radians(near, deg, None), bins=bins, samples=samples,
             seed=seed, progress=progress,
         ),
     )  # fmt: skip
@@ -129,15 +117,15 @@ def compute_risk(
     return code
 
 
-@on_a_model
+@opt.on_a_model
 def sweep_designs(
-    arm: SpaceArm,
+    arm: sa.SpaceArm,
     vary: list[str],
-    mode: SpacecraftMode = Spacecraft.FREE,
-    limits: Limits = False,
+    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    limits: opt.Limits = False,
     effort: Effort = None,
-    output: Picture = None,
-    as_json: AsJson = False,
+    output: opt.Picture = None,
+    as_json: opt.AsJson = False,
 ) -> int:
     """Draw the path independent share over design parameters; Ctrl-C keeps what is done.
 
@@ -213,7 +201,7 @@ def _values(name: str, text: str) -> Array:
     except ValueError:
         number = 0
     if number < 1 or text.count(":") > 2:
-        raise ConfigurationError(
+        raise sa.ConfigurationError(
             f"--vary {name}={text}: give a number, LOW:HIGH or LOW:HIGH:COUNT, as in "
             "base_inertia=1:20 or mount_x=0:0.8:5"
         )
@@ -221,7 +209,7 @@ def _values(name: str, text: str) -> Array:
 
 
 def _points(path: Path) -> Array:
-    _, points = table_of(path, f"--path {path}")
+    _, points = opt.table_of(path, f"--path {path}")
     if points.shape[1] not in (2, 3):
-        raise ConfigurationError(f"--path {path}: give 2 or 3 numbers a line [m]")
+        raise sa.ConfigurationError(f"--path {path}: give 2 or 3 numbers a line [m]")
     return points

@@ -88,9 +88,7 @@ class Candidate(NamedTuple):
         return self._asdict()
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Catch(Result):
+class Catch(Result, kw_only=True):
     """How an arm catches a target, from `sa.catch`.
 
     Time begins with the start; the target is then where it is at its time 0. The arm rests until

@@ -104,9 +104,7 @@ class CaptureEnvelope(Parameters):
             positive(value, name)
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class CatchRuns(Result):
+class CatchRuns(Result, kw_only=True):
     """Runs of a catch with targets that differ from the one planned with, from `sa.fly_many`.
 
     Attributes:

@@ -9,7 +9,6 @@ planning"). These statistics give the share of configurations near a singularity
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from numbers import Integral
 from typing import Any, ClassVar
 
@@ -30,8 +29,6 @@ BLOCK = 1_000_000
 """Number of configurations drawn at once."""
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class RiskProfile(Result):
     """The share of configurations near a singularity, over the distance of the tip from the CM.
 
@@ -167,8 +164,6 @@ def _edges(bins: object) -> Array:
     return edges
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class PoseRisk(Result):
     """Share of configurations near a singularity for sampled tip poses.
 
