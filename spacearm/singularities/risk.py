@@ -61,6 +61,11 @@ class RiskProfile(Result):
 
     not_checked = "collisions"
 
+    @property
+    def overall(self) -> float:
+        """Share of the configurations of all classes near a singularity."""
+        return float(np.nansum(self.count * self.share) / self.count.sum())
+
     def describe(self) -> Description:
         """Describe the share of each distance class."""
         verdict = "no configuration in any class"
