@@ -171,8 +171,6 @@ def _described(
 
 def _postures(arm: sa.SpaceArm, file: Path, deg: bool) -> Array:
     """Read the joint positions (m, n) of a path."""
-    if file.suffix == ".npz":
-        return sa.Motion.load(file, arm).q
     names, Q = opt.table_of(file, str(file))
     sought = {*arm.joint_names, *(f"q{j}" for j in range(1, arm.n + 1))}
     joints = [joint_name(arm, name) for name in names if name in sought]
