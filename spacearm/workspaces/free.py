@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
+from spacearm.mechanics.batch import tips_from_centre
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.frames import evenly_spread
 from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.trig import TrigPolynomial
-from spacearm.singularities.polynomials import tips_from_centre
 from spacearm.singularities.sets import singular_set
 from spacearm.workspaces.extent import Box
 from spacearm.workspaces.shells import merged
