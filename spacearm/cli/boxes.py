@@ -30,7 +30,9 @@ def find_box(
     deg: bool = False,
     as_json: opt.AsJson = False,
 ) -> None:
-    """Find joint ranges about a posture or a motion in which no posture is singular, proven.
+    """Prove joint ranges about a posture free of singular ones.
+
+    The ranges are about a posture or about a motion.
 
     Options:
         motion: A saved motion that the ranges hold, in place of a posture.
@@ -75,9 +77,10 @@ def cover_by_boxes(
     deg: bool = False,
     as_json: opt.AsJson = False,
 ) -> int:
-    """Cover regular postures by joint ranges without singular posture, and find ways through.
+    """Cover joint space by ranges free of singular postures.
 
-    All is proven, rounding included. Ctrl-C keeps what is covered.
+    Finds ways through the ranges, too. All is proven, rounding included. Ctrl-C keeps what is
+    covered.
 
     Options:
         to (Q1,Q2,...): Find a way through the boxes from the joint values given to these.

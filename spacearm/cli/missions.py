@@ -38,7 +38,7 @@ def find_attitudes(
     more: With = None,
     deg: bool = False,
 ) -> sa.FeasibleAttitudes:
-    """Find the attitudes of the spacecraft from which the tip can follow a path.
+    """Find the attitudes from which the tip can follow a path.
 
     With joint values, a posture near the start of the path, from that branch of postures; else
     from all. --with gives more of what sa.feasible_attitudes takes: start with its momentum, speed,
@@ -78,7 +78,9 @@ def find_catch(
     more: With = None,
     deg: bool = False,
 ) -> sa.Catch:
-    """Find when and how the arm catches a tumbling target, with its velocity, and brakes it.
+    """Find when and how the arm catches a tumbling target.
+
+    The tip has the target's velocity at contact; then the joints brake both.
 
     --with gives more of what sa.catch takes: start, approach, closing, touching,
     bears, wanted, constraints, search.
@@ -107,7 +109,9 @@ def find_catch(
 
 @opt.answering("identified")
 def identify_held(arm: sa.SpaceArm, motion: Path, noise: str | None = None) -> sa.Identified:
-    """Identify what the hand holds from measured rates: mass, CM and inertia.
+    """Identify what the hand holds from measured rates.
+
+    Its mass, CM and inertia follow from the momentum that is kept.
 
     The arm is given without what it holds.
 
@@ -129,7 +133,9 @@ def identify_held(arm: sa.SpaceArm, motion: Path, noise: str | None = None) -> s
 
 @opt.answering("reaction")
 def report_reaction(arm: sa.SpaceArm, motion: Path, camera: str | None = None) -> sa.Reaction:
-    """Report what a motion does to the spacecraft, and what holding the attitude takes.
+    """Report what a motion does to the spacecraft and its wheels.
+
+    Loads of wheels are those that hold the attitude.
 
     Options:
         motion (NPZ): A motion written by --save of plan or simulate.
@@ -150,7 +156,9 @@ def size_wheels_of(
     seed: int = 0,
     deg: bool = False,
 ) -> sa.WheelSizing:
-    """Compute the momentum that wheels need to hold the attitude while the arm moves.
+    """Compute how much momentum wheels need to hold the attitude.
+
+    The arm moves meanwhile, by a motion or at a tip speed.
 
     Options:
         tip_speed: Speed of the tip [m/s] in any direction, any posture.
@@ -178,7 +186,9 @@ def write_report(
     q: opt.JointValues = None,
     deg: bool = False,
 ) -> None:
-    """Write a design report: one page with arm, singular sets, workspaces and reactions.
+    """Write a design report, one page.
+
+    The page has the arm, its singular sets, workspaces and reactions.
 
     Joint values give the working posture; without them it is one far from singularities.
 

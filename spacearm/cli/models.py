@@ -14,7 +14,7 @@ from spacearm.results import Cell, Column, Description, Table
 
 
 def list_models(as_json: opt.AsJson = False) -> None:
-    """List the models of the catalogue, and the arms that can be mounted on a bus."""
+    """List the models of the catalogue, and arms to mount on a bus."""
     if as_json:
         return print_json([_entry(info) for info in sa.catalogue()])
     models: list[tuple[Cell, ...]] = [
@@ -56,7 +56,7 @@ def _masses(name: str) -> dict[str, float]:
 
 @opt.answering()
 def describe_model(arm: sa.SpaceArm) -> sa.SpaceArm:
-    """Show bodies, masses, joints, limits, tip, task and centre of mass of a model."""
+    """Show bodies, masses, joints, limits, tip and task of a robot."""
     return arm
 
 
@@ -67,7 +67,7 @@ def write_model(
     home: list[str] | None = None,
     deg: bool = False,
 ) -> None:
-    """Write a robot of any format, or an arm on a bus (--bus), as a URDF.
+    """Write a robot, or an arm on a bus (--bus), as a URDF.
 
     Options:
         output (FILE): The URDF to write.

@@ -152,10 +152,10 @@ def _shells(arm: sa.SpaceArm) -> sa.Workspace | None:
 
 plan_motion = _command(
     sa.plan,
-    """Plan a motion of the arm that leads the tip to a goal; Ctrl-C keeps the best attempt.
+    """Plan a motion that leads the tip to a goal.
 
-    --with gives all that sa.plan takes: start, goal, via, final_attitude, final_twist, duration,
-    mode, origin, constraints, search.
+    Ctrl-C keeps the best attempt. --with gives all that sa.plan takes: start, goal, via,
+    final_attitude, final_twist, duration, mode, origin, constraints, search.
     """,
     "via",
     "mode",
@@ -163,10 +163,10 @@ plan_motion = _command(
 )
 detumble_motion = _command(
     sa.detumble,
-    """Plan a motion at whose end wheels have brought the tumbling spacecraft to rest.
+    """Plan a motion after which wheels hold the spacecraft at rest.
 
-    --with gives all that sa.detumble takes: start with its momentum, goal, final_attitude,
-    duration, origin, constraints with wheels, search.
+    The start has momentum: the spacecraft tumbles. --with gives all that sa.detumble takes: start
+    with its momentum, goal, final_attitude, duration, origin, constraints with wheels, search.
     """,
 )
 
@@ -180,7 +180,9 @@ def follow_path(
     more: With = None,
     deg: bool = False,
 ) -> Answer:
-    """Lead the tip along a path from a CSV file, with times or at a constant speed.
+    """Lead the tip along a path from a CSV file.
+
+    The path has times, or is followed at a constant speed.
 
     A row has the task's rows of the tip, turns as roll, pitch, yaw, after the time in seconds where
     the path has times; a first line of names is skipped. Exits with 3 where the tip cannot be led

@@ -63,7 +63,7 @@ def report_singularity(
     fail_on_singular: Fail = False,
     deg: bool = False,
 ) -> Answer:
-    """Report whether a configuration is singular, and which directions are lost.
+    """Report whether a posture is singular, and what is lost there.
 
     Options:
         first_order: Estimate the distance only: do not find the nearest posture.
@@ -88,7 +88,7 @@ def find_nearest(
     limits: bool = False,
     deg: bool = False,
 ) -> Any:
-    """Find the singular posture nearest to a posture, in joint space.
+    """Find the singular posture nearest to a posture.
 
     Options:
         limits: Only postures within the joint limits.
@@ -110,7 +110,7 @@ def check_path(
     deg: bool = False,
     as_json: opt.AsJson = False,
 ) -> int:
-    """Prove that straight joint motions from posture to posture meet no singularity.
+    """Prove that motions from posture to posture meet no singularity.
 
     Options:
         file (FILE): Text with the joint values of a posture in each line, or a saved motion (.npz).
@@ -193,9 +193,9 @@ def draw_singular_map(
     points: Annotated[int, typer.Option(min=3, max=2001)] = 181,
     deg: bool = False,
 ) -> Answer:
-    """Map the distance to the singular set over two joints, with the exact curves on top.
+    """Map the distance to the singular set over two joints.
 
-    Ctrl-C keeps what there is.
+    Exact singular curves are drawn on top. Ctrl-C keeps what there is.
 
     Options:
         axes (A B): The two joints, by name or as q1 q2; by default those along which sigma_min
@@ -256,7 +256,9 @@ def compute_capture(
     attitude: opt.Attitude = None,
     deg: bool = False,
 ) -> sa.Capture:
-    """Compute the velocities just after the tip, at rest, has grasped a moving, spinning body.
+    """Compute the velocities just after the hand grasps a body.
+
+    The tip is at rest; the body moves and spins.
 
     Options:
         mass: Mass of the target [kg].

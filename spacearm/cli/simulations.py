@@ -47,7 +47,9 @@ def simulate_motion(
     deg: bool = False,
     as_json: opt.AsJson = False,
 ) -> int:
-    """Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.
+    """Simulate an arm under a controller.
+
+    Draws tip path, attitude, joints and sigma_min.
 
     --with gives all that sa.simulate takes: start, controller, plant, sampling, integration, mode,
     origin, stop, dq; or [[phases]] of sa.simulate_phases. Ctrl-C ends the run and keeps what there
@@ -169,7 +171,9 @@ def watch_states(
     deg: bool = False,
     as_json: opt.AsJson = False,
 ) -> int:
-    """Watch a stream of joint states, and warn before it comes near a singular posture.
+    """Warn when joint states come near a singular posture.
+
+    The states come as a stream, one a line; the warning comes before the arm is near.
 
     Options:
         file ([FILE]): Joint states: lines of JSON with t and q, or name and position, or an .mcap

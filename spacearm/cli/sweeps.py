@@ -37,7 +37,9 @@ def run_study(
     show_status: Annotated[bool, typer.Option("--status")] = False,
     dry_run: bool = False,
 ) -> int:
-    """Compute a study chunk by chunk; run again after a stop, it goes on where it was.
+    """Compute a study chunk by chunk; a stopped one goes on.
+
+    Run the same command again after a stop.
 
     Options:
         study (STUDY.TOML): See help(spacearm.Study).

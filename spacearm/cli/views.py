@@ -37,7 +37,9 @@ def view_configuration(
     video: opt.Written = None,
     deg: bool = False,
 ) -> None:
-    """Show a configuration or play a motion in the browser, with sliders; Ctrl-C ends it.
+    """Show a posture or play a motion in the browser.
+
+    Its page has sliders for the joints. Ctrl-C ends it.
 
     Options:
         q ([Q1 Q2 ...]): Joint values [rad] or [m]; a regular posture if left out.

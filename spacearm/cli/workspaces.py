@@ -20,6 +20,10 @@ from spacearm.workspaces.path_dependent import EFFORT
 
 COUNT = 9
 """Values of a range whose number is not given."""
+NOTHING_FREE = (
+    "No workspace has a path independent part; --risk compares how many postures are near a "
+    "singular one."
+)
 
 Effort = Annotated[
     int | None,
@@ -42,7 +46,7 @@ def compute_workspace(
     free: bool = False,
     path: Path | None = None,
 ) -> Answer:
-    """Compute and draw the path dependent and path independent workspaces.
+    """Compute the path dependent and path independent workspaces.
 
     Ctrl-C keeps what there is.
 
@@ -87,9 +91,9 @@ def compute_risk(
     seed: int = 0,
     deg: bool = False,
 ) -> Answer:
-    """Estimate how many postures are near a singularity, by the tip's distance from the CM.
+    """Estimate how many postures are near a singularity.
 
-    Ctrl-C keeps what there is.
+    Postures are counted by the tip's distance from the system CM. Ctrl-C keeps what there is.
 
     Options:
         near: Distance to the singular set up to which a posture is near [rad], with --deg in
@@ -115,10 +119,15 @@ def sweep_designs(
     mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
     limits: opt.Limits = False,
     effort: Effort = None,
+    risk: bool = False,
 ) -> Answer:
-    """Draw the path independent share over design parameters; Ctrl-C keeps what is done.
+    """Compare designs: masses, lengths, the mounting point.
+
+    They are compared by the path independent share of the workspace. Ctrl-C keeps what is done.
 
     Options:
+        risk: Also the share of postures near a singular one, which tells designs apart whose
+            workspaces are path dependent everywhere.
         vary (NAME=A[:B[:COUNT]]): A parameter and its values: base_mass (the inertia grows with
             it), payload, mass:LINK [kg], length:LINK [m], base_inertia (a factor), mount_x,
             mount_y, mount_z [m]; may be repeated.
@@ -127,8 +136,9 @@ def sweep_designs(
     grid = {name: _values(name, values) for name, _, values in pairs}
     with working("designs") as progress:
         result = workspaces(
-            arm, grid, mode=mode.value, limits=limits, effort=effort, progress=progress
-        )
+            arm, grid, mode=mode.value, limits=limits, effort=effort, risk_bins=int(risk),
+            progress=progress,
+        )  # fmt: skip
     done, of = int(result["done"].sum()), result["done"].size
     if done < of:
         say_stopped(f"{done} of {of} designs done")
@@ -138,7 +148,7 @@ def sweep_designs(
 class Designs(Described):
     """The dataset of `design.workspaces` as an answer.
 
-    Options:
+    Args:
         found: The dataset.
         grid: The values of each parameter, by name.
     """
@@ -149,17 +159,23 @@ class Designs(Described):
     def describe(self) -> Description:
         """Return a table of the designs that are done."""
         found, rows = self.found, []
+        near = [("near_share", "within 5° of a singular posture, to first order")] * (
+            "near_share" in found
+        )
+        shares = [("fraction", "path independent"), *near]
         for at in np.ndindex(found["done"].shape):
             if found["done"].values[at]:
                 pdw = [r for r in found["pdw"].values[at] if np.isfinite(r).all()]
                 values = (values[i] for values, i in zip(self.grid.values(), at, strict=True))
                 shells = "  ".join(f"{low:.4f}..{high:.4f}" for low, high in pdw) or "none"
-                rows.append((*values, f"{found['fraction'].values[at]:.2%}", shells))
+                told = (f"{found[name].values[at]:.2%}" for name, _ in shares)
+                rows.append((*values, *told, shells))
         heads = [Column(name, unit_of(name).split()[0], ".6g") for name in self.grid]
         return Description(
             title=f"{found.attrs['arm']}, {found.attrs['base_mode']}",
             verdict=f"{len(rows)} of {found['done'].size} designs",
-            tables=(Table((*heads, "path independent", "path dependent [m]"), rows),),
+            notes=[] if near or (found["fraction"] > 0.0).any() else [NOTHING_FREE],
+            tables=(Table((*heads, *(head for _, head in shares), "path dependent [m]"), rows),),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -173,7 +189,8 @@ class Designs(Described):
             told["done"] = bool(found["done"].values[at])
             if told["done"]:
                 told[sizes] = {n: float(found[n].values[at]) for n in ("reachable", "piw")}
-                told["fraction"] = float(found["fraction"].values[at])
+                for name in {"fraction", "near_share"} & set(found):
+                    told[name] = float(found[name].values[at])
                 pdw = found["pdw"].values[at]
                 told["pdw"] = pdw[np.isfinite(pdw).all(axis=1)].tolist()
             designs.append(told)

@@ -76,6 +76,8 @@ def _measure(result: xr.Dataset) -> xr.DataArray:
     Raises:
         ConfigurationError: There is nothing to draw.
     """
+    if "near_share" in result and not (result["fraction"] > 0.0).any():
+        return (100.0 * result["near_share"]).rename("postures near a singular one [%]")
     if "fraction" in result:
         return (100.0 * result["fraction"]).rename("path independent share [%]")
     if "success" in result:

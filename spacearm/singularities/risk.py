@@ -59,6 +59,11 @@ class RiskProfile(Result):
         """(bins,) middles of the classes [m]."""
         return 0.5 * (self.edges[:-1] + self.edges[1:])
 
+    @property
+    def overall(self) -> float:
+        """Share of the configurations of all classes near a singularity."""
+        return float(np.nansum(self.count * self.share) / self.count.sum())
+
     def describe(self) -> Description:
         """Describe the share of each distance class."""
         verdict = "no configuration in any class"
