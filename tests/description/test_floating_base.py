@@ -195,6 +195,19 @@ def test_carriages_with_mass_are_no_floating_base(tmp_path):
         load(tmp_path, urdf(PLANE, carriage=1.0))
 
 
+@pytest.mark.parametrize("base", [PLANE, SPACE])
+def test_light_carriages_are_as_good_as_massless(base, tmp_path):
+    text = urdf(base, carriage=1e-4)
+    with pytest.raises(sa.ModelError, match=r"rail|alone"):
+        load(tmp_path, text)  # their inertia counts
+    light = '<mass value="0.0001"/><inertia ixx="{}" iyy="{}" izz="{}"'
+    text = text.replace(light.format(0.9, 1, 1.1), light.format(1e-6, 1e-6, 1e-6))
+    with pytest.warns(sa.ModelWarning, match="floats by itself"):
+        arm = load(tmp_path, text)
+    J, wanted = (sa.generalized_jacobian(x) for x in (arm.at(Q), floating(tmp_path)))
+    np.testing.assert_allclose(J, wanted, atol=1e-5)  # the last one is fixed to the bus
+
+
 def test_an_arm_on_a_wall_is_no_floating_base(tmp_path):
     with pytest.raises(sa.ModelError, match="arm alone"):
         load(tmp_path, urdf(("rz",)))

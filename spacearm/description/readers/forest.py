@@ -16,6 +16,9 @@ from spacearm.description.shapes import Visuals
 from spacearm.description.tree import Tree, free_name
 from spacearm.errors import listed, unknown
 
+NEGLIGIBLE = 1e-5
+"""Mass and inertia of links between slides and hinges of a base, over the largest of all links, up
+to which they are there because a format allows no links without mass."""
 SAME_FRAME = 1e-15
 """Distance [m] and turn [rad] up to which two frames are one."""
 
@@ -285,10 +288,13 @@ def _way(source: Source, tree: Tree) -> list[Joint]:
 
 
 def _is_body(source: Source, tree: Tree, link: str) -> bool:
-    """Whether a link has mass, or gets one from its shapes."""
+    """Whether a link has mass that counts beside the heaviest one, or gets one from its shapes."""
+    size = np.array([(p.mass, np.trace(p.inertia)) for p in tree.links.values() if p is not None])
     part = tree.links[link]
-    if part is not None and part.mass:
-        return True
+    if part is not None:
+        own = np.array([part.mass, np.trace(part.inertia)])
+        if (own > NEGLIGIBLE * size.max(axis=0)).any():
+            return True
     return source.reading.density is not None and link in tree.visuals
 
 
