@@ -70,7 +70,7 @@ def plan(
             tips goals by the names of tips. If one is named, joints that do not lead to it are free
             to move; to hold them, load the arm with this tip alone.
         via: Goals on the way, in order, at zero momentum; the joints come to rest there only where
-            they turn sharply.
+            they turn sharply, and at the last one before a `final_twist`.
         final_attitude: (3, 3) attitude that the spacecraft shall have at the end, or a pose with
             it, or for planar arms an angle [rad].
         final_twist: (k,) twist with which the tip arrives in the task's rows [m/s], [rad/s], along
@@ -275,16 +275,16 @@ def _floating(request: PlanRequest) -> Plan:
     """Return the plan of the strategy that is for a request, the spacecraft floating."""
     from spacearm.planning.strategies.at_rest import at_rest  # slow to import, as all here
     from spacearm.planning.strategies.drift import Drift, stretched
-    from spacearm.planning.strategies.legs import by_way_of_goals
+    from spacearm.planning.strategies.legs import by_way_of_goals, to_a_twist
     from spacearm.planning.strategies.several_tips import several_tips
 
-    timed = request.moving or request.final_twist is not None
-    if request.via and (timed or request.goals):
+    if request.via and (request.moving or request.goals):
         raise UnsupportedError(
-            "goals on the way (via) are for one tip at zero momentum that ends at rest; plan leg "
-            "by leg"
+            "goals on the way (via) are for one tip at zero momentum; plan leg by leg"
         )
-    if timed:
+    if request.via and request.final_twist is not None:
+        return to_a_twist(request)
+    if request.moving or request.final_twist is not None:
         return Drift(request).plan()
     find = several_tips if request.goals else by_way_of_goals if request.via else at_rest
     found = find(request)

@@ -94,8 +94,28 @@ def test_it_is_kept_in_the_file_and_not_timed_anew(tmp_path):
     assert json.loads(json.dumps(plan.to_dict()))["final_rates"] == plan.final_rates.tolist()
     with pytest.raises(sa.UnsupportedError, match="ends with a twist"):
         sa.time_optimal(plan, torque=10.0)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, pytest.param({"duration": 40.0, "final_attitude": 0.1}, marks=pytest.mark.slow)],
+)
+def test_it_arrives_by_way_of_other_goals(options):
+    start = sa.load("planar2").at(PLANAR)
+    via = [(1.2, 1.3), (1.0, 1.4)]
+    plan = sa.plan(start, (0.9, 1.4), via=via, final_twist=(0.1, -0.05), **options)
+    end, (twist,) = tip_twists(plan)
+    np.testing.assert_allclose(twist[:2], (0.1, -0.05), atol=1e-7)
+    np.testing.assert_allclose(end.tip.translation[:2], (0.9, 1.4), atol=1e-7)
+    for goal in via:
+        assert np.linalg.norm(plan.tip[:, :2] - goal, axis=1).min() < 1e-6
+    assert plan.certificate.free
+    assert plan.t[-1] == pytest.approx(options.get("duration", plan.t[-1]))
+    with pytest.raises(sa.NoSolutionError, match=r"take .* s; give a longer duration"):
+        sa.plan(start, (0.9, 1.4), via=via, final_twist=(0.1, -0.05), duration=0.5)
+    moving = start.with_momentum([0, 0, 0, 0, 0, 0.1])
     with pytest.raises(sa.UnsupportedError, match="plan leg by leg"):
-        sa.plan(plan[0], (0.9, 1.4), via=[(1.0, 1.4)], final_twist=(0.1, 0.0))
+        sa.plan(moving, (0.9, 1.4), via=via, final_twist=(0.1, 0.0))
 
 
 @pytest.mark.slow

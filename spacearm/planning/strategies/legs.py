@@ -1,7 +1,8 @@
 """Legs: a plan by way of other goals, at zero momentum.
 
 Each leg is a plan at rest that begins where the last one ended. It may turn the spacecraft by an
-equal part of what is allowed, so that all together do not turn it farther.
+equal part of what is allowed, so that all together do not turn it farther. The last one may end
+with a twist of the tip: it begins from rest where the others ended.
 """
 
 from __future__ import annotations
@@ -9,18 +10,23 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from spacearm.errors import NoSolutionError
+from spacearm.model.arm import Configuration
 from spacearm.planning.account import Attempts
 from spacearm.planning.problem import broken_as_flown, covered
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.at_rest import at_rest, paced
+from spacearm.planning.strategies.drift import Drift
 
 PART, SHORT = 0.5, 2.0
 """Share of the time left that a leg may take, and the least time for it [s]."""
+PAUSE = 1e-3
+"""Rest before a leg that ends with a twist [s]."""
 
 
 def by_way_of_goals(request: PlanRequest) -> Plan:
@@ -51,7 +57,8 @@ def by_way_of_goals(request: PlanRequest) -> Plan:
                 )
                 legs.append(at_rest(leg))
             ends = np.cumsum([len(leg) - 1 for leg in legs])
-            whole = landed(_joined(legs, request), on_the_way=ends[:-1].tolist())
+            rows = [legs[0][0], *(cfg for leg in legs for cfg in list(leg)[1:])]
+            whole = landed(_joined(legs, rows, request), on_the_way=ends[:-1].tolist())
             whole = paced(whole, request.constraints.joint_rates(whole.arm))
             if broken := broken_as_flown(whole, request):
                 raise NoSolutionError(broken[1], whole)
@@ -62,19 +69,56 @@ def by_way_of_goals(request: PlanRequest) -> Plan:
     raise request.account.failure("; ".join(told) or nothing, best)
 
 
-def _joined(legs: Sequence[Plan], request: PlanRequest) -> Plan:
-    """Return the plan of all legs."""
+def to_a_twist(request: PlanRequest) -> Plan:
+    """Return a plan that leads to other goals on its way and ends with a twist of the tip.
+
+    Raises:
+        NoSolutionError: None was found; carries the best attempt at a leg.
+        StoppedError: Ctrl-C; carries the best attempt at a leg.
+    """
+    *via, last = request.via
+    keep = request.constraints.keep_attitude
+    part = None if keep is None else keep / (len(via) + 2)
+    before = replace(
+        request,
+        via=tuple(via),
+        goal=last,
+        final_attitude=None,
+        final_twist=None,
+        duration=None,
+        constraints=replace(request.constraints, keep_attitude=part and part * (len(via) + 1)),
+    )
+    way = by_way_of_goals(before)
+    left = None if request.duration is None else request.duration - way.t[-1] - PAUSE
+    if left is not None and left <= 0.0:
+        raise NoSolutionError(
+            f"the goals on the way take {way.t[-1]:.3g} s; give a longer duration", way
+        )
+    each = replace(request.constraints, keep_attitude=part)
+    end = Drift(replace(request, start=way[-1], via=(), duration=left, constraints=each)).plan()
+    t = np.append(way.t, way.t[-1] + PAUSE + end.t)
+    whole = _joined((way, end), [*way, *end], request, t=t, final_rates=end.final_rates)
+    if broken := broken_as_flown(whole, request):
+        raise NoSolutionError(broken[1], whole)
+    return covered(whole, request.constraints.collisions)
+
+
+def _joined(
+    legs: Sequence[Plan], rows: Sequence[Configuration], request: PlanRequest, **timing: Any
+) -> Plan:
+    """Return the plan of all legs through some rows; `timing` as for `Plan.of_rows`."""
     first = legs[0]
     tried = [
         a._replace(story=f"leg {i}: {a.story}") for i, leg in enumerate(legs, 1) for a in leg.tried
     ]
     return Plan.of_rows(
         ", ".join(dict.fromkeys(leg.method for leg in legs)),
-        [first[0], *(cfg for leg in legs for cfg in list(leg)[1:])],
+        rows,
         request.constraints.joint_rates(first.arm),
         clearance=min(leg.clearance for leg in legs),
         tried=tuple(tried),
         checked=first.checked,
         apart=first.apart,
         obstacles=request.obstacles,
+        **timing,
     )
