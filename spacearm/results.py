@@ -17,7 +17,7 @@ import numpy as np
 
 from spacearm.arrays import Array, plain
 from spacearm.errors import LONGEST_NAME, shortened
-from spacearm.signatures import checked
+from spacearm.signatures import checked, dataclass_transform
 
 Angles: TypeAlias = Literal["rad", "deg", "both"]
 """How angles are written; "both" is degrees, and radians too where the cell has the unit."""
@@ -196,12 +196,16 @@ class Described(ABC):
 
 
 @checked
+@dataclass_transform(frozen_default=True, eq_default=False)
 class Result(Described):
-    """Base of frozen dataclasses that hold results: read-only arrays, `describe`, `to_dict`."""
+    """Base of results: frozen dataclasses of read-only arrays, with `describe` and `to_dict`."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
     JSON: ClassVar[Mapping[str, str]] = {}
     """Names that fields have in `to_dict` where their own mean something else in other results."""
+
+    def __init_subclass__(cls, **options: bool) -> None:
+        checked(dataclass(frozen=True, eq=False, repr=False, **options)(cls))
 
     def __post_init__(self) -> None:
         for value in vars(self).values():

@@ -18,11 +18,20 @@ from dataclasses import fields, is_dataclass
 from functools import cache, wraps
 from itertools import islice
 from numbers import Integral, Real
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from spacearm.errors import ConfigurationError, shortened, unknown
+
+if TYPE_CHECKING:
+    from typing_extensions import dataclass_transform as dataclass_transform
+else:
+
+    def dataclass_transform(**_: object) -> Any:
+        """Stand in for the mark by which type checkers know bases of dataclasses."""
+        return lambda kind: kind
+
 
 F = TypeVar("F", bound=Callable[..., Any])
 Hint = Any

@@ -2,7 +2,6 @@
 
 import inspect
 import json
-from dataclasses import dataclass
 from functools import cache
 from xml.etree import ElementTree
 
@@ -343,7 +342,6 @@ def test_values_have_units_and_a_limit_that_is_none_says_so():
     )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Slosh(Result):
     """A made-up result: how much fuel moves in the tank while the arm does."""
 

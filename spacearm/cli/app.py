@@ -20,117 +20,67 @@ from typer.main import get_command
 from spacearm.cli.wording import INTERRUPTED, NUMBER, in_own_words, join_numbers
 from spacearm.errors import SpaceArmError, printable
 
+TABLE = """
+models: models.list_models
+    List the models of the catalogue, and arms to mount on a bus.
+info: models.describe_model
+    Show bodies, masses, joints, limits, tip and task of a robot.
+mount: models.write_model
+    Write a robot, or an arm on a bus (--bus), as a URDF.
+convert: models.write_model
+    Write a robot, or an arm on a bus (--bus), as a URDF.
+query: queries.report_singularity
+    Report whether a posture is singular, and what is lost there.
+nearest: queries.find_nearest
+    Find the singular posture nearest to a posture.
+box: boxes.find_box
+    Prove joint ranges about a posture free of singular ones.
+boxes: boxes.cover_by_boxes
+    Cover joint space by ranges free of singular postures.
+path: queries.check_path
+    Prove that motions from posture to posture meet no singularity.
+view: views.view_configuration
+    Show a posture or play a motion in the browser.
+map: queries.draw_singular_map
+    Map the distance to the singular set over two joints.
+workspace: workspaces.compute_workspace
+    Compute the path dependent and path independent workspaces.
+risk: workspaces.compute_risk
+    Estimate how many postures are near a singularity.
+design: workspaces.sweep_designs
+    Compare designs: masses, lengths, the mounting point.
+plan: plans.plan_motion
+    Plan a motion that leads the tip to a goal.
+follow: plans.follow_path
+    Lead the tip along a path from a CSV file.
+detumble: plans.detumble_motion
+    Plan a motion after which wheels hold the spacecraft at rest.
+attitudes: missions.find_attitudes
+    Find the attitudes from which the tip can follow a path.
+catch: missions.find_catch
+    Find when and how the arm catches a tumbling target.
+identify: missions.identify_held
+    Identify what the hand holds from measured rates.
+reaction: missions.report_reaction
+    Report what a motion does to the spacecraft and its wheels.
+wheels: missions.size_wheels_of
+    Compute how much momentum wheels need to hold the attitude.
+report: missions.write_report
+    Write a design report, one page.
+simulate: simulations.simulate_motion
+    Simulate an arm under a controller.
+watch: simulations.watch_states
+    Warn when joint states come near a singular posture.
+capture: queries.compute_capture
+    Compute the velocities just after the hand grasps a body.
+sweep: sweeps.run_study
+    Compute a study chunk by chunk; a stopped one goes on.
+"""
+"""Name and place of each command, and its summary."""
 COMMANDS = {
-    "models": (
-        "models.list_models",
-        "List the models of the catalogue, and the arms that can be mounted on a bus.",
-    ),
-    "info": (
-        "models.describe_model",
-        "Show bodies, masses, joints, limits, tip, task and centre of mass of a model.",
-    ),
-    "mount": (
-        "models.write_model",
-        "Write a robot of any format, or an arm on a bus (--bus), as a URDF.",
-    ),
-    "convert": (
-        "models.write_model",
-        "Write a robot of any format, or an arm on a bus (--bus), as a URDF.",
-    ),
-    "query": (
-        "queries.report_singularity",
-        "Report whether a configuration is singular, and which directions are lost.",
-    ),
-    "nearest": (
-        "queries.find_nearest",
-        "Find the singular posture nearest to a posture, in joint space.",
-    ),
-    "box": (
-        "boxes.find_box",
-        "Find joint ranges about a posture or a motion in which no posture is singular, proven.",
-    ),
-    "boxes": (
-        "boxes.cover_by_boxes",
-        "Cover regular postures by joint ranges without singular posture, and find ways through.",
-    ),
-    "path": (
-        "queries.check_path",
-        "Prove that straight joint motions from posture to posture meet no singularity.",
-    ),
-    "view": (
-        "views.view_configuration",
-        "Show a configuration or play a motion in the browser, with sliders; Ctrl-C ends it.",
-    ),
-    "map": (
-        "queries.draw_singular_map",
-        "Map the distance to the singular set over two joints, with the exact curves on top.",
-    ),
-    "workspace": (
-        "workspaces.compute_workspace",
-        "Compute and draw the path dependent and path independent workspaces.",
-    ),
-    "risk": (
-        "workspaces.compute_risk",
-        "Estimate how many postures are near a singularity, by the tip's distance from the CM.",
-    ),
-    "design": (
-        "workspaces.sweep_designs",
-        "Draw the path independent share over design parameters; Ctrl-C keeps what is done.",
-    ),
-    "plan": (
-        "plans.plan_motion",
-        "Plan a motion of the arm that leads the tip to a goal; Ctrl-C keeps the best attempt.",
-    ),
-    "follow": (
-        "plans.follow_path",
-        "Lead the tip along a path from a CSV file, with times or at a constant speed.",
-    ),
-    "detumble": (
-        "plans.detumble_motion",
-        "Plan a motion at whose end wheels have brought the tumbling spacecraft to rest.",
-    ),
-    "attitudes": (
-        "missions.find_attitudes",
-        "Find the attitudes of the spacecraft from which the tip can follow a path.",
-    ),
-    "catch": (
-        "missions.find_catch",
-        "Find when and how the arm catches a tumbling target, with its velocity, and brakes it.",
-    ),
-    "identify": (
-        "missions.identify_held",
-        "Identify what the hand holds from measured rates: mass, CM and inertia.",
-    ),
-    "reaction": (
-        "missions.report_reaction",
-        "Report what a motion does to the spacecraft, and what holding the attitude takes.",
-    ),
-    "wheels": (
-        "missions.size_wheels_of",
-        "Compute the momentum that wheels need to hold the attitude while the arm moves.",
-    ),
-    "report": (
-        "missions.write_report",
-        "Write a design report: one page with arm, singular sets, workspaces and reactions.",
-    ),
-    "simulate": (
-        "simulations.simulate_motion",
-        "Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.",
-    ),
-    "watch": (
-        "simulations.watch_states",
-        "Watch a stream of joint states, and warn before it comes near a singular posture.",
-    ),
-    "capture": (
-        "queries.compute_capture",
-        "Compute the velocities just after the tip, at rest, has grasped a moving, spinning body.",
-    ),
-    "sweep": (
-        "sweeps.run_study",
-        "Compute a study chunk by chunk; run again after a stop, it goes on where it was.",
-    ),
+    name: (place, summary) for name, place, summary in re.findall(r"(\w+): (\S+)\n    (.+)", TABLE)
 }
-"""Place and summary of each command: a module is imported when its command is called."""
+"""The same by name: a module is imported when its command is called."""
 HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 NO_NUMBERS = ("models", "sweep")
 """Commands without numbers: whatever starts with a minus sign is an option."""

@@ -6,47 +6,33 @@ from pathlib import Path
 
 import numpy as np
 
+import spacearm as sa
 from spacearm.arrays import Array
-from spacearm.cli.options import (
-    AsJson,
-    JointValues,
-    NoLimits,
-    Picture,
-    Spacecraft,
-    SpacecraftMode,
-    Written,
-    configuration,
-    joint_values,
-    numbers,
-    on_a_model,
-    radians,
-)
+from spacearm.cli import options as opt
 from spacearm.cli.output import answer, kept, out, print_description, print_result, working
-from spacearm.errors import ConfigurationError
 from spacearm.files import write
-from spacearm.model.arm import SpaceArm
-from spacearm.motion.motion import Motion
 from spacearm.results import Description, Table, joint_measures
-from spacearm.singularities.box_graph import MOST, SHARE, FreeBoxes, free_boxes
-from spacearm.singularities.joint_boxes import free_box
+from spacearm.singularities.box_graph import MOST, SHARE
 
 
-@on_a_model
+@opt.on_a_model
 def find_box(
-    arm: SpaceArm,
-    q: JointValues = None,
+    arm: sa.SpaceArm,
+    q: opt.JointValues = None,
     motion: Path | None = None,
     widest: list[str] | None = None,
     at_least: float | None = None,
     clearance: float = 0.0,
-    no_limits: NoLimits = False,
-    mode: SpacecraftMode = Spacecraft.FREE,
-    save: Written = None,
-    urdf: Written = None,
+    no_limits: opt.NoLimits = False,
+    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    save: opt.Written = None,
+    urdf: opt.Written = None,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
-    """Find joint ranges about a posture or a motion in which no posture is singular, proven.
+    """Prove joint ranges about a posture free of singular ones.
+
+    The ranges are about a posture or about a motion.
 
     Options:
         motion: A saved motion that the ranges hold, in place of a posture.
@@ -58,15 +44,15 @@ def find_box(
         urdf: Write the robot with the ranges as its limits.
     """
     if motion is not None and q:
-        raise ConfigurationError("joint values and --motion are both given; give one of them")
-    about = configuration(arm, q, None, deg) if motion is None else Motion.load(motion, arm)
+        raise sa.ConfigurationError("joint values and --motion are both given; give one of them")
+    about = opt.configuration(arm, q, None, deg) if motion is None else sa.Motion.load(motion, arm)
     with working("proving") as progress:
-        box = free_box(
+        box = sa.free_box(
             about,
             joints=widest or (),
-            at_least=radians(at_least, deg, None),
+            at_least=opt.radians(at_least, deg, None),
             within=_everywhere(arm) if no_limits else None,
-            clearance=radians(clearance, deg, 0.0),
+            clearance=opt.radians(clearance, deg, 0.0),
             mode=mode.value,
             progress=progress,
         )
@@ -76,24 +62,25 @@ def find_box(
             out.print(f"wrote {path}")
 
 
-@on_a_model
+@opt.on_a_model
 def cover_by_boxes(
-    arm: SpaceArm,
-    q: JointValues = None,
+    arm: sa.SpaceArm,
+    q: opt.JointValues = None,
     to: str | None = None,
-    way: Written = None,
+    way: opt.Written = None,
     share: float = SHARE,
     most: int = MOST,
-    keep: Written = None,
-    no_limits: NoLimits = False,
-    mode: SpacecraftMode = Spacecraft.FREE,
-    output: Picture = None,
+    keep: opt.Written = None,
+    no_limits: opt.NoLimits = False,
+    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    output: opt.Picture = None,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> int:
-    """Cover regular postures by joint ranges without singular posture, and find ways through.
+    """Cover joint space by ranges free of singular postures.
 
-    All is proven, rounding included. Ctrl-C keeps what is covered.
+    Finds ways through the ranges, too. All is proven, rounding included. Ctrl-C keeps what is
+    covered.
 
     Options:
         to (Q1,Q2,...): Find a way through the boxes from the joint values given to these.
@@ -103,15 +90,15 @@ def cover_by_boxes(
         keep (NPZ): Write the boxes to this file; if it is there, go on from what it holds.
     """
     if (to is None) != (not q) or (way and to is None):
-        raise ConfigurationError("give joint values and --to for a way, --way to write it")
+        raise sa.ConfigurationError("give joint values and --to for a way, --way to write it")
     ends = []
     if q and to:
-        ends = [joint_values(arm, x, deg) for x in (q, numbers("--to", to).tolist())]
-    so_far = FreeBoxes.load(keep, arm, mode.value) if keep and keep.exists() else None
+        ends = [opt.joint_values(arm, x, deg) for x in (q, opt.numbers("--to", to).tolist())]
+    so_far = sa.FreeBoxes.load(keep, arm, mode.value) if keep and keep.exists() else None
     within = _everywhere(arm) if no_limits else None
     found, code = kept(
         "covering",
-        lambda progress: free_boxes(
+        lambda progress: sa.free_boxes(
             arm,
             within=within,
             share=share,
@@ -138,6 +125,6 @@ def cover_by_boxes(
     return code
 
 
-def _everywhere(arm: SpaceArm) -> tuple[Array, Array]:
+def _everywhere(arm: sa.SpaceArm) -> tuple[Array, Array]:
     """Return the range without joint limits."""
     return np.full(arm.n, -np.inf), np.full(arm.n, np.inf)

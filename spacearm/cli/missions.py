@@ -9,21 +9,8 @@ from typing import Annotated
 
 import typer
 
-from spacearm.cli.options import (
-    AsJson,
-    Attitude,
-    JointValues,
-    NoLimits,
-    Picture,
-    Save,
-    View,
-    goal_from,
-    joint_values,
-    numbers,
-    on_a_model,
-    radians,
-    to_write,
-)
+import spacearm as sa
+from spacearm.cli import options as opt
 from spacearm.cli.output import answer, out, working
 from spacearm.cli.questions import (
     With,
@@ -35,31 +22,26 @@ from spacearm.cli.questions import (
 )
 from spacearm.cli.wording import NUMBER, join_numbers
 from spacearm.export.motion_files import read_measured
-from spacearm.mission.attitudes import MARGIN, feasible_attitudes
-from spacearm.mission.catching import catch
-from spacearm.mission.reactions import reaction, size_wheels
-from spacearm.model.arm import SpaceArm
-from spacearm.motion.motion import Motion
+from spacearm.mission.attitudes import MARGIN
 from spacearm.singularities.risk import NEAR
-from spacearm.uncertainty.identification import identify
 
 
-@on_a_model
+@opt.on_a_model
 def find_attitudes(
-    arm: SpaceArm,
+    arm: sa.SpaceArm,
     corner: list[str],
-    q: JointValues = None,
-    attitude: Attitude = None,
+    q: opt.JointValues = None,
+    attitude: opt.Attitude = None,
     margin: Annotated[float | None, typer.Option(min=0)] = None,
     samples: int | None = None,
-    no_limits: NoLimits = False,
+    no_limits: opt.NoLimits = False,
     more: With = None,
-    output: Picture = None,
-    view: View = False,
+    output: opt.Picture = None,
+    view: opt.View = False,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
-    """Find the attitudes of the spacecraft from which the tip can follow a path.
+    """Find the attitudes from which the tip can follow a path.
 
     With joint values, a posture near the start of the path, from that branch of postures; else
     from all. --with gives more of what sa.feasible_attitudes takes: start with its momentum, speed,
@@ -76,11 +58,11 @@ def find_attitudes(
     anywhere = not q and "q" not in asked.inner("start").values
     start = start_of(arm, asked, [0.0] * arm.n if anywhere else q, attitude, deg)
     with working("trying attitudes") as progress:
-        found = feasible_attitudes(
+        found = sa.feasible_attitudes(
             start,
-            [goal_from(arm, "--corner", text, deg) for text in corner],
+            [opt.goal_from(arm, "--corner", text, deg) for text in corner],
             all_branches=anywhere,
-            margin=radians(margin, deg, MARGIN),
+            margin=opt.radians(margin, deg, MARGIN),
             limits=not no_limits,
             samples=samples,
             progress=progress,
@@ -89,22 +71,24 @@ def find_attitudes(
     answer(arm, found, "attitudes", deg=deg, as_json=as_json, output=output, view=view)
 
 
-@on_a_model
+@opt.on_a_model
 def find_catch(
-    arm: SpaceArm,
+    arm: sa.SpaceArm,
     target: Path,
-    q: JointValues = None,
+    q: opt.JointValues = None,
     window: str = "0,60",
     grapple: str | None = None,
-    attitude: Attitude = None,
+    attitude: opt.Attitude = None,
     more: With = None,
-    output: Picture = None,
-    save: Save = None,
-    view: View = False,
+    output: opt.Picture = None,
+    save: opt.Save = None,
+    view: opt.View = False,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
-    """Find when and how the arm catches a tumbling target, with its velocity, and brakes it.
+    """Find when and how the arm catches a tumbling target.
+
+    The tip has the target's velocity at contact; then the joints brake both.
 
     --with gives more of what sa.catch takes: start, approach, closing, touching,
     bears, wanted, constraints, search.
@@ -118,9 +102,9 @@ def find_catch(
     told = ("approach", "closing", "touching", "bears", "wanted")
     asked = question(more, "start", "constraints", "search", *told)
     start = start_of(arm, asked, q, attitude, deg)
-    early, late = numbers("--window", window, 2).tolist()
+    early, late = opt.numbers("--window", window, 2).tolist()
     with working("trying contacts", searches=True) as progress:
-        found = catch(
+        found = sa.catch(
             start,
             target_of(target),
             grapple,
@@ -132,16 +116,18 @@ def find_catch(
     answer(arm, found, "catch", deg=deg, as_json=as_json, save=save, output=output, view=view)
 
 
-@on_a_model
+@opt.on_a_model
 def identify_held(
-    arm: SpaceArm,
+    arm: sa.SpaceArm,
     motion: Path,
     noise: str | None = None,
-    output: Picture = None,
+    output: opt.Picture = None,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
-    """Identify what the hand holds from measured rates: mass, CM and inertia.
+    """Identify what the hand holds from measured rates.
+
+    Its mass, CM and inertia follow from the momentum that is kept.
 
     The arm is given without what it holds.
 
@@ -156,46 +142,50 @@ def identify_held(
     if motion.suffix == ".csv":
         measured, dq, twist = read_measured(motion, arm)
     else:
-        measured = Motion.load(motion, arm)
-    sizes = None if noise is None else numbers("--noise", noise, 3)
-    found = identify(measured, arm, dq=dq, twist=twist, noise=sizes)
+        measured = sa.Motion.load(motion, arm)
+    sizes = None if noise is None else opt.numbers("--noise", noise, 3)
+    found = sa.identify(measured, arm, dq=dq, twist=twist, noise=sizes)
     answer(arm, found, "identified", deg=deg, as_json=as_json, output=output)
 
 
-@on_a_model
+@opt.on_a_model
 def report_reaction(
-    arm: SpaceArm,
+    arm: sa.SpaceArm,
     motion: Path,
     camera: str | None = None,
-    output: Picture = None,
+    output: opt.Picture = None,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
-    """Report what a motion does to the spacecraft, and what holding the attitude takes.
+    """Report what a motion does to the spacecraft and its wheels.
+
+    Loads of wheels are those that hold the attitude.
 
     Options:
         motion (NPZ): A motion written by --save of plan or simulate.
         camera (X,Y,Z): Line of sight of a camera, spacecraft axes.
     """
-    sight = None if camera is None else numbers("--camera", camera, 3)
+    sight = None if camera is None else opt.numbers("--camera", camera, 3)
     with working("computing reactions") as progress:
-        found = reaction(Motion.load(motion, arm), camera=sight, progress=progress)
+        found = sa.reaction(sa.Motion.load(motion, arm), camera=sight, progress=progress)
     answer(arm, found, "reaction", deg=deg, as_json=as_json, output=output)
 
 
-@on_a_model
+@opt.on_a_model
 def size_wheels_of(
-    arm: SpaceArm,
+    arm: sa.SpaceArm,
     tip_speed: float | None = None,
     motion: list[Path] | None = None,
     samples: Annotated[int, typer.Option(min=1)] = 2000,
     near: float | None = None,
     seed: int = 0,
-    output: Picture = None,
+    output: opt.Picture = None,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
-    """Compute the momentum that wheels need to hold the attitude while the arm moves.
+    """Compute how much momentum wheels need to hold the attitude.
+
+    The arm moves meanwhile, by a motion or at a tip speed.
 
     Options:
         tip_speed: Speed of the tip [m/s] in any direction, any posture.
@@ -205,26 +195,28 @@ def size_wheels_of(
         seed: Seed of the postures.
     """
     with working("sizing wheels") as progress:
-        found = size_wheels(
+        found = sa.size_wheels(
             arm,
-            [Motion.load(path, arm) for path in motion] if motion else None,
+            [sa.Motion.load(path, arm) for path in motion] if motion else None,
             tip_speed=tip_speed,
             samples=samples,
-            near=radians(near, deg, NEAR),
+            near=opt.radians(near, deg, NEAR),
             seed=seed,
             progress=progress,
         )
     answer(arm, found, "wheels", deg=deg, as_json=as_json, output=output)
 
 
-@on_a_model
+@opt.on_a_model
 def write_report(
-    arm: SpaceArm,
-    output: Annotated[Path, typer.Option("--output", "-o", callback=to_write)],
-    q: JointValues = None,
+    arm: sa.SpaceArm,
+    output: Annotated[Path, typer.Option("--output", "-o", callback=opt.to_write)],
+    q: opt.JointValues = None,
     deg: bool = False,
 ) -> None:
-    """Write a design report: one page with arm, singular sets, workspaces and reactions.
+    """Write a design report, one page.
+
+    The page has the arm, its singular sets, workspaces and reactions.
 
     Joint values give the working posture; without them it is one far from singularities.
 
@@ -233,7 +225,7 @@ def write_report(
     """
     from spacearm.plots.report_page import design_report  # imports matplotlib
 
-    start = joint_values(arm, q, deg) if q else None
+    start = opt.joint_values(arm, q, deg) if q else None
     with working("writing the report") as progress:
         path = design_report(
             arm, output, q0=start, words=_describing(sys.argv[2:]), progress=progress

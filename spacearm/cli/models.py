@@ -7,24 +7,21 @@ from typing import Annotated, Any
 
 import typer
 
-from spacearm.cli.options import AsJson, assignments, on_a_model, si, to_write
+import spacearm as sa
+from spacearm.cli import options as opt
 from spacearm.cli.output import (
     out,
     print_description,
     print_json,
     print_result,
 )
-from spacearm.description.model_catalogue import ModelInfo, arms, catalogue
-from spacearm.model.arm import SpaceArm
-from spacearm.model.loading import load
-from spacearm.model.task import Task
 from spacearm.results import Cell, Column, Description, Table
 
 
-def list_models(as_json: AsJson = False) -> None:
-    """List the models of the catalogue, and the arms that can be mounted on a bus."""
+def list_models(as_json: opt.AsJson = False) -> None:
+    """List the models of the catalogue, and arms to mount on a bus."""
     if as_json:
-        return print_json([_entry(info) for info in catalogue()])
+        return print_json([_entry(info) for info in sa.catalogue()])
     models: list[tuple[Cell, ...]] = [
         (
             info.name,
@@ -35,9 +32,9 @@ def list_models(as_json: AsJson = False) -> None:
             info.summary,
             info.source,
         )
-        for info in catalogue()
+        for info in sa.catalogue()
     ]
-    mounted = [(info.name, info.tip, info.summary, info.source) for info in arms()]
+    mounted = [(info.name, info.tip, info.summary, info.source) for info in sa.arms()]
     columns: list[Column | str] = ["name", "n", "tip", "task", Column("spacecraft", "kg", ".6g")]
     columns += [Column("arm", "kg", ".6g"), "what it is", "source"]
     tables = (
@@ -47,39 +44,39 @@ def list_models(as_json: AsJson = False) -> None:
     print_description(Description(title="models", tables=tables))
 
 
-def _entry(info: ModelInfo) -> dict[str, Any]:
+def _entry(info: sa.ModelInfo) -> dict[str, Any]:
     """Return an entry of the catalogue, its tip and task named and given as those of an arm."""
     data = info.to_dict()
     tip, task = data.pop("tip"), data.pop("task")
-    told = {"tip_link": tip, "task": {"rows": list(Task(task).rows)}}
+    told = {"tip_link": tip, "task": {"rows": list(sa.Task(task).rows)}}
     return {**data, **told, **_masses(info.name)}
 
 
 def _masses(name: str) -> dict[str, float]:
     """Return the masses of the spacecraft with all that is fixed to it, and of the rest [kg]."""
-    arm = load(name)
+    arm = sa.load(name)
     spacecraft = float(arm.model.inertias[1].mass)
     return {"spacecraft_mass": spacecraft, "arm_mass": arm.mass - spacecraft}
 
 
-@on_a_model
+@opt.on_a_model
 def describe_model(
-    arm: SpaceArm,
+    arm: sa.SpaceArm,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
-    """Show bodies, masses, joints, limits, tip, task and centre of mass of a model."""
+    """Show bodies, masses, joints, limits, tip and task of a robot."""
     print_result(arm, deg=deg, as_json=as_json)
 
 
-@on_a_model
+@opt.on_a_model
 def write_model(
-    arm: SpaceArm,
-    output: Annotated[Path, typer.Option("--output", "-o", callback=to_write)],
+    arm: sa.SpaceArm,
+    output: Annotated[Path, typer.Option("--output", "-o", callback=opt.to_write)],
     home: list[str] | None = None,
     deg: bool = False,
 ) -> None:
-    """Write a robot of any format, or an arm on a bus (--bus), as a URDF.
+    """Write a robot, or an arm on a bus (--bus), as a URDF.
 
     Options:
         output (FILE): The URDF to write.
@@ -87,8 +84,8 @@ def write_model(
             and where the viewer begins; may be repeated.
     """
     known = arm.whole.joints
-    positions = assignments("--home", home).items()
-    arm = arm.with_home({name: si(known.get(name), q, deg) for name, q in positions})
+    positions = opt.assignments("--home", home).items()
+    arm = arm.with_home({name: opt.si(known.get(name), q, deg) for name, q in positions})
     path = arm.to_urdf(output)
     for note in arm.notes:
         out.print(f"note: {note}")

@@ -16,27 +16,16 @@ import numpy as np
 import pinocchio as pin
 import typer
 
+import spacearm as sa
 from spacearm.arrays import Array
 from spacearm.cli.wording import NUMBER
 from spacearm.description.bodies import Joint
-from spacearm.description.bus import Bus
-from spacearm.description.model_catalogue import (
-    arms,
-    assembled,
-    catalogue,
-    find_arm,
-    find_model,
-    models_by_name,
-)
+from spacearm.description.model_catalogue import assembled, find_arm, find_model, models_by_name
 from spacearm.description.readers import formats
 from spacearm.description.readers.source import Reading
 from spacearm.description.tree import Tree, Wheels
-from spacearm.errors import ConfigurationError, SpaceArmError, listed, unknown, warn
+from spacearm.errors import listed, unknown, warn
 from spacearm.files import read, writable
-from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.model.frames import pose
-from spacearm.model.loading import load, mount
-from spacearm.model.task import Task
 from spacearm.motion.goal import Goal, goal_of, goal_pose
 from spacearm.motion.motion_file import check_suffix
 
@@ -54,8 +43,8 @@ def complete_model(incomplete: str) -> list[tuple[str, str]]:
 
     Arms without a spacecraft are among them: --bus mounts them.
     """
-    known = [(info.name, info.summary) for info in catalogue()]
-    known += [(info.name, info.summary) for info in arms()]
+    known = [(info.name, info.summary) for info in sa.catalogue()]
+    known += [(info.name, info.summary) for info in sa.arms()]
     return [(name, summary) for name, summary in known if name.startswith(incomplete)]
 
 
@@ -89,7 +78,7 @@ def to_write(path: Path | None) -> Path | None:
 def _picture(path: Path | None) -> Path | None:
     """Refuse a picture that cannot be written, or whose suffix is none of a picture."""
     if path is not None and path.suffix.lower() not in PICTURES:
-        raise ConfigurationError(f"--output {path}: {unknown('suffix', path.suffix, PICTURES)}")
+        raise sa.ConfigurationError(f"--output {path}: {unknown('suffix', path.suffix, PICTURES)}")
     return to_write(path)
 
 
@@ -153,7 +142,7 @@ def arm_from(
     package: list[Path] | None = None,
     density: float | None = None,
     deg: bool = False,
-) -> SpaceArm:
+) -> sa.SpaceArm:
     """Load the arm that the shared options describe; this signature states them once.
 
     With a bus, MODEL is an arm alone, which is mounted on top of it.
@@ -192,23 +181,23 @@ def arm_from(
     rows, sign, length = (task or "").partition("/")
     scale = _number(length) if sign else None
     if rows:
-        options["task"] = Task(rows, scale)
+        options["task"] = sa.Task(rows, scale)
     tips = tip.split(",") if tip and "," in tip else tip
     if carrier is None:
-        arm = load(model, tip=tips, locked=locked, wheels=wheels, **options)
+        arm = sa.load(model, tip=tips, locked=locked, wheels=wheels, **options)
     elif model in models_by_name():
-        raise ConfigurationError(
+        raise sa.ConfigurationError(
             f"--bus mounts an arm alone, and {model} has a spacecraft; leave it out"
         )
     elif isinstance(tips, list):
-        raise ConfigurationError("--tip names several links; an arm on a new bus has one tip")
+        raise sa.ConfigurationError("--tip names several links; an arm on a new bus has one tip")
     else:
-        arm = mount(model, carrier, at, tip=tips, locked=locked, **options)
+        arm = sa.mount(model, carrier, at, tip=tips, locked=locked, **options)
         arm = arm.replace(wheels=wheels) if wheels else arm
-    return arm.replace(task=Task(arm.task.names, scale)) if sign and not rows else arm
+    return arm.replace(task=sa.Task(arm.task.names, scale)) if sign and not rows else arm
 
 
-def _described_bus(text: str, deg: bool) -> tuple[Bus | str, pin.SE3 | None]:
+def _described_bus(text: str, deg: bool) -> tuple[sa.Bus | str, pin.SE3 | None]:
     """Return the box that the option describes, or the file or name of a spacecraft, and the place.
 
     Raises:
@@ -223,7 +212,7 @@ def _described_bus(text: str, deg: bool) -> tuple[Bus | str, pin.SE3 | None]:
     if at and "/" not in place:
         xyz, rpy = place.split(",")[:3], place.split(",")[3:] or ["0"] * 3
         given = numbers("--bus ...@X,Y,Z,R,P,Y", ",".join(xyz + rpy), 6)
-        where = pose(given[:3], np.radians(given[3:]) if deg else given[3:])
+        where = sa.pose(given[:3], np.radians(given[3:]) if deg else given[3:])
     else:
         what = text
     number, _, edges = what.partition(":")
@@ -232,13 +221,13 @@ def _described_bus(text: str, deg: bool) -> tuple[Bus | str, pin.SE3 | None]:
     except ValueError:
         return what, where
     if edges:
-        return Bus(mass=mass, size=numbers("--bus KG:X,Y,Z", edges, 3)), where
+        return sa.Bus(mass=mass, size=numbers("--bus KG:X,Y,Z", edges, 3)), where
     edge = round(float(np.cbrt(max(mass, 0.0) / BUS_DENSITY)), 3) or 0.001
     warn(
         f"the bus of {mass:g} kg is taken as a solid cube of {edge:g} m, at {BUS_DENSITY:g} "
         f"kg/m^3, with the arm on its +z face; --bus {number}:X,Y,Z gives another"
     )
-    return Bus(mass=mass, size=(edge, edge, edge)), where
+    return sa.Bus(mass=mass, size=(edge, edge, edge)), where
 
 
 def _wheels(texts: list[str] | None) -> Wheels:
@@ -262,7 +251,7 @@ def _arguments(texts: list[str] | None) -> dict[str, str]:
     pairs = [text.partition(":=") for text in texts or []]
     for name, sign, _ in pairs:
         if not name or not sign:
-            raise ConfigurationError(f"--arg {name!r}: give NAME:=VALUE")
+            raise sa.ConfigurationError(f"--arg {name!r}: give NAME:=VALUE")
     return {name: value for name, _, value in pairs}
 
 
@@ -284,8 +273,8 @@ def on_a_model(command: Callable[..., T]) -> Callable[..., T]:
         if given.get("output", "") is None and not any(map(given.get, ("as_json", "view", "npz"))):
             try:
                 writable(Path("picture.png"))
-            except SpaceArmError as error:
-                raise ConfigurationError(
+            except sa.SpaceArmError as error:
+                raise sa.ConfigurationError(
                     f"{error}; name another place for the picture by --output, or give --json"
                 ) from None
         deg = {"deg": given["deg"]} if told_deg else {}
@@ -305,15 +294,15 @@ def assignments(option: str, texts: list[str] | None) -> dict[str, float]:
     pairs = [text.rpartition("=") for text in texts or []]
     for (name, _, _), text in zip(pairs, texts or [], strict=True):
         if not name:
-            raise ConfigurationError(f"{option} {text!r}: give JOINT=VALUE")
+            raise sa.ConfigurationError(f"{option} {text!r}: give JOINT=VALUE")
     return {name: _number(value) for name, _, value in pairs}
 
 
-def joint_values(arm: SpaceArm, words: Sequence[str | float], deg: bool) -> Array:
+def joint_values(arm: sa.SpaceArm, words: Sequence[str | float], deg: bool) -> Array:
     """Parse joint values; return them in radians and metres."""
     values = [_number(word) for word in words]
     if len(values) != arm.n:
-        raise ConfigurationError(
+        raise sa.ConfigurationError(
             f"{len(values)} joint values given; {arm.name} needs {arm.n}: {listed(arm.joint_names)}"
         )
     joints = [arm.tree.joints[name] for name in arm.joint_names]
@@ -321,8 +310,8 @@ def joint_values(arm: SpaceArm, words: Sequence[str | float], deg: bool) -> Arra
 
 
 def configuration(
-    arm: SpaceArm, words: Sequence[str | float] | None, attitude: Three | None, deg: bool
-) -> Configuration:
+    arm: sa.SpaceArm, words: Sequence[str | float] | None, attitude: Three | None, deg: bool
+) -> sa.Configuration:
     """Return the configuration that joint values and the spacecraft's attitude mean."""
     return arm.at(joint_values(arm, words or [], deg), base=spacecraft_pose(attitude, deg))
 
@@ -331,8 +320,8 @@ def spacecraft_pose(attitude: Three | None, deg: bool) -> pin.SE3:
     """Return the pose at the origin with this roll, pitch and yaw; the identity if None."""
     rpy = np.array(attitude or (0.0, 0.0, 0.0))
     if not np.isfinite(rpy).all():
-        raise ConfigurationError(f"--attitude is {attitude}; give three finite angles")
-    return pose(rpy=np.radians(rpy) if deg else rpy)
+        raise sa.ConfigurationError(f"--attitude is {attitude}; give three finite angles")
+    return sa.pose(rpy=np.radians(rpy) if deg else rpy)
 
 
 def radians(angle: float | None, deg: bool, default: U) -> float | U:
@@ -340,7 +329,7 @@ def radians(angle: float | None, deg: bool, default: U) -> float | U:
     return default if angle is None else float(np.radians(angle)) if deg else angle
 
 
-def task_rows(arm: SpaceArm, option: str, text: str, deg: bool) -> Array:
+def task_rows(arm: sa.SpaceArm, option: str, text: str, deg: bool) -> Array:
     """Parse the task's rows [m], [rad]; turns are roll, pitch, yaw."""
     values = numbers(option, text)
     turns = np.array(arm.task.indices) > 2
@@ -349,12 +338,12 @@ def task_rows(arm: SpaceArm, option: str, text: str, deg: bool) -> Array:
     return values
 
 
-def goal_from(arm: SpaceArm, option: str, text: str, deg: bool) -> Goal:
+def goal_from(arm: sa.SpaceArm, option: str, text: str, deg: bool) -> Goal:
     """Parse a goal: a point in the task's rows, or a pose whose turns are roll, pitch, yaw."""
     return goal_of(arm, task_rows(arm, option, text, deg), option)
 
 
-def mark_of(end: Configuration, goal: Goal) -> Array | None:
+def mark_of(end: sa.Configuration, goal: Goal) -> Array | None:
     """Return the (3,) goal point to mark, or None if the task has no linear rows.
 
     Rows that the task leaves open are those of the tip at the end.
@@ -370,7 +359,7 @@ def numbers(option: str, text: str, count: int | None = None) -> Array:
     values = [_number(word) for word in text.replace(",", " ").split()]
     if not values or not np.isfinite(values).all() or count not in (None, len(values)):
         how = "finite numbers" if count is None else f"{count} finite numbers, as in 0,0,1"
-        raise ConfigurationError(f"{option} is {text!r}; give {how}")
+        raise sa.ConfigurationError(f"{option} is {text!r}; give {how}")
     return np.array(values)
 
 
@@ -389,7 +378,7 @@ def table_of(path: Path, what: str) -> tuple[list[str], Array]:
     try:
         text = read(path).decode()
     except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{what} cannot be read: {error}") from None
+        raise sa.ConfigurationError(f"{what} cannot be read: {error}") from None
     split = [line.partition("#")[0].replace(",", " ").split() for line in text.splitlines()]
     lines = [(i, words) for i, words in enumerate(split, 1) if words]
     named = bool(lines) and any(word.isidentifier() for word in lines[0][1])
@@ -397,11 +386,11 @@ def table_of(path: Path, what: str) -> tuple[list[str], Array]:
     for i, words in lines:
         for word in words:
             if not NUMBER.fullmatch(word):
-                raise ConfigurationError(f"{what}, line {i}: {word!r} is no finite number")
+                raise sa.ConfigurationError(f"{what}, line {i}: {word!r} is no finite number")
     widths = sorted({len(words) for _, words in lines})
     if len(widths) != 1:
         counts = listed([str(width) for width in widths]) or "no"
-        raise ConfigurationError(f"{what} has {counts} numbers in a row; give as many in each")
+        raise sa.ConfigurationError(f"{what} has {counts} numbers in a row; give as many in each")
     return names, np.array([words for _, words in lines], dtype=np.float64)
 
 
@@ -415,4 +404,4 @@ def _number(word: str | float) -> float:
         return float(word)
     except ValueError:
         kind = "option" if str(word).startswith("--") else "number"
-        raise ConfigurationError(f"{word!r} is no {kind} of this command; see --help") from None
+        raise sa.ConfigurationError(f"{word!r} is no {kind} of this command; see --help") from None

@@ -9,19 +9,9 @@ from typing import Any
 
 import numpy as np
 
+import spacearm as sa
 from spacearm.arrays import Array
-from spacearm.cli.options import (
-    AsJson,
-    Attitude,
-    JointValues,
-    Picture,
-    Save,
-    View,
-    goal_from,
-    mark_of,
-    on_a_model,
-    table_of,
-)
+from spacearm.cli import options as opt
 from spacearm.cli.output import answer, err, working
 from spacearm.cli.questions import (
     With,
@@ -34,22 +24,9 @@ from spacearm.cli.questions import (
 )
 from spacearm.cli.wording import INTERRUPTED, in_own_words
 from spacearm.collisions.obstacles import obstacles_of
-from spacearm.errors import (
-    ConfigurationError,
-    NoSolutionError,
-    StoppedError,
-    UnsupportedError,
-    listed,
-)
-from spacearm.model.arm import SpaceArm
-from spacearm.model.frames import pose
-from spacearm.motion.following import follow
+from spacearm.errors import listed
 from spacearm.motion.goal import Goal, goal_of
-from spacearm.planning.planner import detumble, plan
-from spacearm.planning.request import Joints
-from spacearm.planning.result import Plan
 from spacearm.sweeps.toml import Table
-from spacearm.workspaces.path_dependent import Workspace, workspace
 
 FOLLOWED = ("origin", "mode", "speed", "at_rest", "limits")
 """Keys of a question about a path besides its start."""
@@ -61,23 +38,23 @@ KEYS = ("start", "goal", "final_attitude", "duration", "origin", "constraints", 
 """Keys of the question that a plan and a detumbling have in common."""
 
 
-def _command(solve: Callable[..., Plan], summary: str, *more_keys: str) -> Callable[..., int]:
+def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Callable[..., int]:
     """Return the command that asks `plan` or `detumble`, whose questions differ in a few keys."""
 
-    @on_a_model
+    @opt.on_a_model
     def run(
-        arm: SpaceArm,
-        q: JointValues = None,
+        arm: sa.SpaceArm,
+        q: opt.JointValues = None,
         goal: list[str] | None = None,
         obstacle: list[str] | None = None,
-        attitude: Attitude = None,
+        attitude: opt.Attitude = None,
         fastest: bool = False,
         more: With = None,
-        output: Picture = None,
-        save: Save = None,
-        view: View = False,
+        output: opt.Picture = None,
+        save: opt.Save = None,
+        view: opt.View = False,
         deg: bool = False,
-        as_json: AsJson = False,
+        as_json: opt.AsJson = False,
     ) -> int:
         """Plan.
 
@@ -111,19 +88,19 @@ def _command(solve: Callable[..., Plan], summary: str, *more_keys: str) -> Calla
 
                 held = found.mode == "attitude-controlled"
                 found = time_optimal(found, wheels=constraints.wheels if held else None)
-        except (NoSolutionError, StoppedError) as error:
-            if save and isinstance(error.best, Plan):
+        except (sa.NoSolutionError, sa.StoppedError) as error:
+            if save and isinstance(error.best, sa.Plan):
                 error.best.save(save)
                 err.print(f"spacearm: wrote {save}: the best attempt, which does not arrive")
-            if isinstance(error, NoSolutionError):
+            if isinstance(error, sa.NoSolutionError):
                 raise
             err.print(f"spacearm: stopped: {in_own_words(str(error))}")
             return INTERRUPTED
 
         def drawn() -> dict[str, Any]:
-            point = not isinstance(target, dict | Joints)
+            point = not isinstance(target, dict | sa.Joints)
             return {
-                "target": mark_of(found[-1], target) if point else None,
+                "target": opt.mark_of(found[-1], target) if point else None,
                 "workspace": _shells(arm),
             }
 
@@ -138,30 +115,30 @@ def _command(solve: Callable[..., Plan], summary: str, *more_keys: str) -> Calla
 
 
 def _goal(
-    arm: SpaceArm, texts: list[str] | None, asked: Table, deg: bool
-) -> Goal | Joints | dict[str, Goal]:
+    arm: sa.SpaceArm, texts: list[str] | None, asked: Table, deg: bool
+) -> Goal | sa.Joints | dict[str, Goal]:
     """Return the goal of the option, one for each tip as NAME=X1,X2,..., or that of the table."""
     if not texts:
         if "goal" not in asked.values:
-            raise ConfigurationError("there is no goal; give --goal X1 X2 ..., or goal in a file")
+            raise sa.ConfigurationError("there is no goal; give --goal X1 X2 ..., or one in a file")
         return goal_in(arm, asked, "goal")
     if len(texts) == 1 and "=" not in texts[0]:
-        return goal_from(arm, "--goal", texts[0], deg)
+        return opt.goal_from(arm, "--goal", texts[0], deg)
     pairs = [text.partition("=") for text in texts]
     for name, _, values in pairs:
         if name not in arm.tips or not values:
-            raise ConfigurationError(
+            raise sa.ConfigurationError(
                 f"--goal {name!r}: give one goal, or NAME=X1,X2,... for each of the tips "
                 f"{listed(arm.tips)} (--tip NAME,NAME)"
             )
-    return {name: goal_from(arm, f"--goal {name}", values, deg) for name, _, values in pairs}
+    return {name: opt.goal_from(arm, f"--goal {name}", values, deg) for name, _, values in pairs}
 
 
-def _options(arm: SpaceArm, asked: Table) -> dict[str, Any]:
+def _options(arm: sa.SpaceArm, asked: Table) -> dict[str, Any]:
     """Return the rest of the question."""
     options = asked.some(*PLAIN)
     if "final_attitude" in asked.values:
-        options["final_attitude"] = pose(rpy=asked.values["final_attitude"])
+        options["final_attitude"] = sa.pose(rpy=asked.values["final_attitude"])
     if "via" in asked.values:
         options["via"] = [
             goal_in(arm, Table("--with", {"via": one}), "via") for one in asked.take("via", list)
@@ -169,51 +146,53 @@ def _options(arm: SpaceArm, asked: Table) -> dict[str, Any]:
     return options
 
 
-def _shells(arm: SpaceArm) -> Workspace | None:
+def _shells(arm: sa.SpaceArm) -> sa.Workspace | None:
     """Compute the workspace of a planar arm, if it has shells."""
     if arm.tree.plane_normal() is None:
         return None
     try:
-        return workspace(arm)
-    except UnsupportedError:
+        return sa.workspace(arm)
+    except sa.UnsupportedError:
         return None
 
 
 plan_motion = _command(
-    plan,
-    """Plan a motion of the arm that leads the tip to a goal; Ctrl-C keeps the best attempt.
+    sa.plan,
+    """Plan a motion that leads the tip to a goal.
 
-    --with gives all that sa.plan takes: start, goal, via, final_attitude, final_twist, duration,
-    mode, origin, constraints, search.
+    Ctrl-C keeps the best attempt. --with gives all that sa.plan takes: start, goal, via,
+    final_attitude, final_twist, duration, mode, origin, constraints, search.
     """,
     "via",
     "mode",
     "final_twist",
 )
 detumble_motion = _command(
-    detumble,
-    """Plan a motion at whose end wheels have brought the tumbling spacecraft to rest.
+    sa.detumble,
+    """Plan a motion after which wheels hold the spacecraft at rest.
 
-    --with gives all that sa.detumble takes: start with its momentum, goal, final_attitude,
-    duration, origin, constraints with wheels, search.
+    The start has momentum: the spacecraft tumbles. --with gives all that sa.detumble takes: start
+    with its momentum, goal, final_attitude, duration, origin, constraints with wheels, search.
     """,
 )
 
 
-@on_a_model
+@opt.on_a_model
 def follow_path(
-    arm: SpaceArm,
-    q: JointValues = None,
+    arm: sa.SpaceArm,
+    q: opt.JointValues = None,
     path: Path | None = None,
-    attitude: Attitude = None,
+    attitude: opt.Attitude = None,
     more: With = None,
-    output: Picture = None,
-    save: Save = None,
-    view: View = False,
+    output: opt.Picture = None,
+    save: opt.Save = None,
+    view: opt.View = False,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> int:
-    """Lead the tip along a path from a CSV file, with times or at a constant speed.
+    """Lead the tip along a path from a CSV file.
+
+    The path has times, or is followed at a constant speed.
 
     A row has the task's rows of the tip, turns as roll, pitch, yaw, after the time in seconds where
     the path has times; a first line of names is skipped. Exits with 3 where the tip cannot be led
@@ -224,21 +203,21 @@ def follow_path(
         path (CSV): Path of the tip, a row for each corner.
     """
     if path is None:
-        raise ConfigurationError("there is no path; give --path FILE, a CSV file")
+        raise sa.ConfigurationError("there is no path; give --path FILE, a CSV file")
     asked = question(more, "start", *FOLLOWED)
     start = start_of(arm, asked, q, attitude, deg)
     times, corners = _corners(arm, path, deg)
     with working("following") as progress:
-        found = follow(start, corners, times=times, progress=progress, **asked.some(*FOLLOWED))
+        found = sa.follow(start, corners, times=times, progress=progress, **asked.some(*FOLLOWED))
     answer(arm, found, "follow", deg=deg, as_json=as_json, save=save, output=output, view=view)
     return 0 if found.arrived else STOPPED
 
 
-def _corners(arm: SpaceArm, path: Path, deg: bool) -> tuple[Array | None, list[Goal]]:
+def _corners(arm: sa.SpaceArm, path: Path, deg: bool) -> tuple[Array | None, list[Goal]]:
     """Return the times (m,) [s] of a CSV file, None if it has none, and the corners."""
-    (_, table), k = table_of(path, f"--path {path}"), len(arm.task.rows)
+    (_, table), k = opt.table_of(path, f"--path {path}"), len(arm.task.rows)
     if table.shape[1] not in (k, k + 1):
-        raise ConfigurationError(
+        raise sa.ConfigurationError(
             f"--path {path} has {table.shape[1]} numbers in a row; give {k}, the task's rows "
             f"{' '.join(arm.task.rows)}, or {k + 1}, the time first"
         )

@@ -11,23 +11,9 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+import spacearm as sa
 from spacearm.arrays import Array, plain
-from spacearm.cli.options import (
-    AsJson,
-    Attitude,
-    JointValues,
-    Picture,
-    Spacecraft,
-    SpacecraftMode,
-    Three,
-    Written,
-    assignments,
-    configuration,
-    joint_values,
-    on_a_model,
-    radians,
-    table_of,
-)
+from spacearm.cli import options as opt
 from spacearm.cli.output import (
     answer,
     err,
@@ -38,21 +24,16 @@ from spacearm.cli.output import (
     print_result,
     working,
 )
-from spacearm.errors import ConfigurationError, UnsupportedError, listed
+from spacearm.errors import listed
 from spacearm.files import write
-from spacearm.mechanics.dynamics import capture
 from spacearm.model.arguments import BaseMode
-from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
-from spacearm.motion.motion import Motion
-from spacearm.polynomial.certificate import Certificate
 from spacearm.results import Description, Table, joint_measures
 from spacearm.singularities.abstract_set import control_points, path_rows, prove_clear
 from spacearm.singularities.immaterial_masses import any_payload, payload_note
-from spacearm.singularities.map import SingularMap, singular_map
 from spacearm.singularities.nearest import angle, distances_found
-from spacearm.singularities.report import TOLERANCE, singularity
-from spacearm.singularities.sets import prove_regular, singular_set
+from spacearm.singularities.report import TOLERANCE
+from spacearm.singularities.sets import prove_regular
 
 SINGULAR = 3
 """Exit code of --fail-on-singular."""
@@ -65,12 +46,12 @@ Fail = Annotated[
 ]
 
 
-@on_a_model
+@opt.on_a_model
 def report_singularity(
-    arm: SpaceArm,
-    q: JointValues = None,
-    attitude: Attitude = None,
-    mode: SpacecraftMode = Spacecraft.FREE,
+    arm: sa.SpaceArm,
+    q: opt.JointValues = None,
+    attitude: opt.Attitude = None,
+    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
     tolerance: Annotated[
         float | None,
         typer.Option(
@@ -82,19 +63,19 @@ def report_singularity(
     first_order: bool = False,
     fail_on_singular: Fail = False,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> int:
-    """Report whether a configuration is singular, and which directions are lost.
+    """Report whether a posture is singular, and what is lost there.
 
     Options:
         first_order: Estimate the distance only: do not find the nearest posture.
     """
-    cfg = configuration(arm, q, attitude, deg)
+    cfg = opt.configuration(arm, q, attitude, deg)
     with working("searching") as told:
-        report = singularity(
+        report = sa.singularity(
             cfg,
             mode=mode.value,
-            tolerance=radians(tolerance, deg, TOLERANCE),
+            tolerance=opt.radians(tolerance, deg, TOLERANCE),
             exact=not first_order,
             progress=told,
         )
@@ -102,53 +83,55 @@ def report_singularity(
     return SINGULAR if fail_on_singular and report.kind != "regular" else 0
 
 
-@on_a_model
+@opt.on_a_model
 def find_nearest(
-    arm: SpaceArm,
-    q: JointValues = None,
-    mode: SpacecraftMode = Spacecraft.FREE,
+    arm: sa.SpaceArm,
+    q: opt.JointValues = None,
+    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
     limits: bool = False,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
-    """Find the singular posture nearest to a posture, in joint space.
+    """Find the singular posture nearest to a posture.
 
     Options:
         limits: Only postures within the joint limits.
     """
-    start = joint_values(arm, q or [], deg)
+    start = opt.joint_values(arm, q or [], deg)
     with working("searching") as progress:
-        found = singular_set(arm, mode=mode.value).nearest(start, limits=limits, progress=progress)
+        found = sa.singular_set(arm, mode=mode.value).nearest(
+            start, limits=limits, progress=progress
+        )
     print_result(found, deg=deg, as_json=as_json)
 
 
-@on_a_model
+@opt.on_a_model
 def check_path(
-    arm: SpaceArm,
+    arm: sa.SpaceArm,
     file: Annotated[Path, typer.Argument()],
-    mode: SpacecraftMode = Spacecraft.FREE,
+    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
     clearance: float = 0.0,
     fail_on_singular: Fail = False,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> int:
-    """Prove that straight joint motions from posture to posture meet no singularity.
+    """Prove that motions from posture to posture meet no singularity.
 
     Options:
         file (FILE): Text with the joint values of a posture in each line, or a saved motion (.npz).
         clearance: Prove that no singular posture is nearer to the way than this [rad], with --deg
             in degrees.
     """
-    given = Motion.load(file, arm) if file.suffix == ".npz" else _postures(arm, file, deg)
+    given = sa.Motion.load(file, arm) if file.suffix == ".npz" else _postures(arm, file, deg)
     Q, way = path_rows(arm, given), control_points(arm, given)
     with working("proving") as progress:
         proof = prove_regular(arm, Q, mode=mode.value, progress=progress)
         if proof is None:
-            raise UnsupportedError(
+            raise sa.UnsupportedError(
                 f"{arm.name}: J* of this arm has no minors that a proof could use, as with joints "
                 "that mimic others; spacearm query looks at single postures"
             )
-        wanted = radians(clearance, deg, 0.0)
+        wanted = opt.radians(clearance, deg, 0.0)
         if proof and (wanted or way.shape[1] > 2):  # a plan is flown between its rows
             clear = prove_clear(arm, mode.value, way, wanted, progress=progress)
             proof = replace(clear, margin=proof.margin)
@@ -164,10 +147,10 @@ def check_path(
 
 
 def _described(
-    arm: SpaceArm,
+    arm: sa.SpaceArm,
     mode: BaseMode,
     Q: Array,
-    proof: Certificate,
+    proof: sa.Certificate,
     distance: Array,
     outside: list[str],
 ) -> Description:
@@ -191,16 +174,16 @@ def _described(
     return replace(said, title=title, verdict=f"{verdict}{limits}", notes=notes, tables=tables)
 
 
-def _postures(arm: SpaceArm, file: Path, deg: bool) -> Array:
+def _postures(arm: sa.SpaceArm, file: Path, deg: bool) -> Array:
     """Read the joint positions (m, n) of a path."""
     if file.suffix == ".npz":
-        return Motion.load(file, arm).q
-    names, Q = table_of(file, str(file))
+        return sa.Motion.load(file, arm).q
+    names, Q = opt.table_of(file, str(file))
     sought = {*arm.joint_names, *(f"q{j}" for j in range(1, arm.n + 1))}
     joints = [joint_name(arm, name) for name in names if name in sought]
     if Q.shape[1:] != (arm.n,) or len(Q) < 2 or (names and joints != list(arm.joint_names)):
         head = f" named {listed(names)}" if names else ""
-        raise ConfigurationError(
+        raise sa.ConfigurationError(
             f"{file} holds {Q.shape[0]} lines of {Q.shape[1]} numbers{head}; give two lines or "
             f"more, each with {arm.n} joint values: {listed(arm.joint_names)}; along a path of the "
             "tip goes spacearm follow"
@@ -208,20 +191,20 @@ def _postures(arm: SpaceArm, file: Path, deg: bool) -> Array:
     return np.where(arm.slides, Q, np.radians(Q)) if deg else Q
 
 
-@on_a_model
+@opt.on_a_model
 def draw_singular_map(
-    arm: SpaceArm,
+    arm: sa.SpaceArm,
     axes: tuple[str, str] | None = None,
     fix: list[str] | None = None,
-    output: Picture = None,
-    npz: Written = None,
+    output: opt.Picture = None,
+    npz: opt.Written = None,
     points: Annotated[int, typer.Option(min=3, max=2001)] = 181,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> int:
-    """Map the distance to the singular set over two joints, with the exact curves on top.
+    """Map the distance to the singular set over two joints.
 
-    Ctrl-C keeps what there is.
+    Exact singular curves are drawn on top. Ctrl-C keeps what there is.
 
     Options:
         axes (A B): The two joints, by name or as q1 q2; by default those along which sigma_min
@@ -230,11 +213,11 @@ def draw_singular_map(
         npz: Write the numbers to a NumPy archive.
         points: Grid points along each joint.
     """
-    fixed = {joint_name(arm, name): value for name, value in assignments("--fix", fix).items()}
-    q = joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
+    fixed = {joint_name(arm, name): value for name, value in opt.assignments("--fix", fix).items()}
+    q = opt.joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
     result, code = kept(
         "computing the map",
-        lambda progress: singular_map(arm, axes, q, points, progress=progress),
+        lambda progress: sa.singular_map(arm, axes, q, points, progress=progress),
     )
     if npz:
         _write_npz(npz, result)
@@ -242,7 +225,7 @@ def draw_singular_map(
     return code
 
 
-def _write_npz(path: Path, result: SingularMap) -> None:
+def _write_npz(path: Path, result: sa.SingularMap) -> None:
     buffer = BytesIO()
     arrays: dict[str, Any] = {
         "joints": np.array(result.joints),
@@ -266,25 +249,27 @@ class Brakes(str, Enum):
     BRAKED = "braked"
 
 
-@on_a_model
+@opt.on_a_model
 def compute_capture(
-    arm: SpaceArm,
+    arm: sa.SpaceArm,
     mass: float,
-    q: JointValues = None,
-    velocity: Three = (0.0, 0.0, 0.0),
-    spin: Three = (0.0, 0.0, 0.0),
-    inertia: Three | None = None,
-    com: Three = (
+    q: opt.JointValues = None,
+    velocity: opt.Three = (0.0, 0.0, 0.0),
+    spin: opt.Three = (0.0, 0.0, 0.0),
+    inertia: opt.Three | None = None,
+    com: opt.Three = (
         0.0,
         0.0,
         0.0,
     ),
     brakes: Annotated[Brakes, typer.Option("--joints-are")] = Brakes.FREE,
-    attitude: Attitude = None,
+    attitude: opt.Attitude = None,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> None:
-    """Compute the velocities just after the tip, at rest, has grasped a moving, spinning body.
+    """Compute the velocities just after the hand grasps a body.
+
+    The tip is at rest; the body moves and spins.
 
     Options:
         mass: Mass of the target [kg].
@@ -295,11 +280,11 @@ def compute_capture(
         com (X Y Z): Its CM in the tip frame [m].
         brakes: Whether brakes hold the joints.
     """
-    cfg = configuration(arm, q, attitude, deg)
+    cfg = opt.configuration(arm, q, attitude, deg)
     if inertia is None and any(spin):
         err.print("spacearm: note: a point mass does not spin; --inertia gives the target moments")
     turning = np.radians(spin) if deg else np.array(spin)
-    found = capture(
+    found = sa.capture(
         cfg, np.concatenate((velocity, turning)), mass,
         None if inertia is None else np.diag(inertia), com, joints=brakes.value,
     )  # fmt: skip

@@ -11,19 +11,12 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 import typer
 
-from spacearm.cli.options import Three, joint_values, numbers, spacecraft_pose
-from spacearm.collisions.obstacles import Obstacle
-from spacearm.description.bus import Bus
-from spacearm.errors import ConfigurationError, unknown
-from spacearm.mechanics.target import Target
-from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.model.frames import pose
+import spacearm as sa
+from spacearm.cli import options as opt
+from spacearm.errors import unknown
 from spacearm.model.joints import warn_outside
-from spacearm.model.loading import load
 from spacearm.motion.controllers import LAWS, Controller
 from spacearm.motion.goal import Goal, goal_of
-from spacearm.motion.plant import WheelHold
-from spacearm.planning.request import Constraints, Joints, Search
 from spacearm.sweeps.motion_tables import read_laws
 from spacearm.sweeps.toml import Table, parse, text_of
 
@@ -107,12 +100,16 @@ def built(kind: Callable[..., T], given: Table, **made: Callable[[Any], Any]) ->
     try:
         return kind(**values)
     except TypeError as error:
-        raise ConfigurationError(f"{given.where}: {error}") from None
+        raise sa.ConfigurationError(f"{given.where}: {error}") from None
 
 
 def start_of(
-    arm: SpaceArm, given: Table, q: Sequence[str | float] | None, attitude: Three | None, deg: bool
-) -> Configuration:
+    arm: sa.SpaceArm,
+    given: Table,
+    q: Sequence[str | float] | None,
+    attitude: opt.Three | None,
+    deg: bool,
+) -> sa.Configuration:
     """Return the configuration in which a motion starts.
 
     Args:
@@ -133,23 +130,23 @@ def start_of(
     start.knows("q", "base", "wheels", "momentum")
     values = dict(start.values)
     if q:
-        values["q"] = joint_values(arm, q, deg)
+        values["q"] = opt.joint_values(arm, q, deg)
     if "q" not in values:
-        raise ConfigurationError(
+        raise sa.ConfigurationError(
             f"there is no start; give {arm.n} joint values after the name of the model: "
             f"{', '.join(arm.joint_names)}"
         )
     place = start.inner("base")
     place.knows("xyz", "rpy")
-    values["base"] = pose(**place.values)
+    values["base"] = sa.pose(**place.values)
     if attitude is not None:
-        values["base"].rotation = spacecraft_pose(attitude, deg).rotation
+        values["base"].rotation = opt.spacecraft_pose(attitude, deg).rotation
     cfg = arm.at(values.pop("q"), **values)
     warn_outside(arm, cfg.q)
     return cfg
 
 
-def goal_in(arm: SpaceArm, given: Table, key: str) -> Goal | Joints | dict[str, Goal]:
+def goal_in(arm: sa.SpaceArm, given: Table, key: str) -> Goal | sa.Joints | dict[str, Goal]:
     """Return the goal that a key of a table means.
 
     It is a list of the task's rows [m], turns as roll, pitch and yaw [rad]; {q = [...]}, joint
@@ -159,11 +156,11 @@ def goal_in(arm: SpaceArm, given: Table, key: str) -> Goal | Joints | dict[str, 
         return goal_of(arm, given.numbers(key), key)
     own = given.inner(key)
     if "q" in own.values:
-        return built(Joints, own)
+        return built(sa.Joints, own)
     return {tip: goal_of(arm, own.numbers(tip), tip) for tip in own.values}
 
 
-def controller_of(arm: SpaceArm, given: Table) -> Controller | dict[str, Controller]:
+def controller_of(arm: sa.SpaceArm, given: Table) -> Controller | dict[str, Controller]:
     """Return the control law that a table describes, or one for each tip; see `read_laws`.
 
     The law is the transposed Jacobian's, and gains are `GAINS`, where none are given.
@@ -176,7 +173,7 @@ def controller_of(arm: SpaceArm, given: Table) -> Controller | dict[str, Control
     return read_laws(Table(given.where, gains | given.values | {"law": law}), arm)
 
 
-def constraints_of(given: Table) -> Constraints:
+def constraints_of(given: Table) -> sa.Constraints:
     """Return what must hold, of a table with the fields of `Constraints`.
 
     Obstacles are tables: {sphere = 0.2, xyz = [...], rpy = [...], margin = 0.05}, or box, cylinder
@@ -184,38 +181,38 @@ def constraints_of(given: Table) -> Constraints:
     """
     wheels = {"stiffness": 0.0, "damping": 0.0} | given.inner("wheels").values
     return built(
-        Constraints,
+        sa.Constraints,
         given,
-        wheels=lambda _: built(WheelHold, Table(f"{given.where}: wheels", wheels)),
+        wheels=lambda _: built(sa.WheelHold, Table(f"{given.where}: wheels", wheels)),
         obstacles=lambda value: tuple(
             _obstacle(one, given) for one in (value if isinstance(value, list) else [value])
         ),
     )
 
 
-def obstacle_of(text: str, deg: bool) -> Obstacle:
+def obstacle_of(text: str, deg: bool) -> sa.Obstacle:
     """Parse an obstacle, such as "box:1.2,0,0.5:0.3,0.3,0.6:0,0,45@0.05"."""
     option = f"--obstacle {text!r}: a part"
     body, _, margin = text.partition("@")
     kind, *parts = body.split(":")
     if kind not in SHAPES:
-        raise ConfigurationError(f"--obstacle {text!r}: {unknown('kind', kind, SHAPES)}")
+        raise sa.ConfigurationError(f"--obstacle {text!r}: {unknown('kind', kind, SHAPES)}")
     if not 2 <= len(parts) <= 3:
-        raise ConfigurationError(f"--obstacle {text!r}: give KIND:X,Y,Z:WHAT[:R,P,Y][@MARGIN]")
+        raise sa.ConfigurationError(f"--obstacle {text!r}: give KIND:X,Y,Z:WHAT[:R,P,Y][@MARGIN]")
     what: Any = parts[1]
     if kind not in ("mesh", "robot"):
         count = {"sphere": 1, "cylinder": 2, "box": 3 if "," in what else 1}[kind]
-        size = numbers(option, what, count).tolist()
+        size = opt.numbers(option, what, count).tolist()
         what = size[0] if count == 1 else size
-    turn = numbers(option, parts[2], 3) if len(parts) == 3 else np.zeros(3)
-    given = {kind: what, "xyz": numbers(option, parts[0], 3)}
+    turn = opt.numbers(option, parts[2], 3) if len(parts) == 3 else np.zeros(3)
+    given = {kind: what, "xyz": opt.numbers(option, parts[0], 3)}
     given["rpy"] = np.radians(turn) if deg else turn
     if margin:
-        given["margin"] = float(numbers(option, margin, 1)[0])
+        given["margin"] = float(opt.numbers(option, margin, 1)[0])
     return _obstacle(given, Table(f"--obstacle {text!r}", {}))
 
 
-def _obstacle(value: Any, given: Table) -> Obstacle:
+def _obstacle(value: Any, given: Table) -> sa.Obstacle:
     if isinstance(value, str):
         return obstacle_of(value, deg=False)
     own = Table(f"{given.where}: obstacles", value)
@@ -228,16 +225,16 @@ def _obstacle(value: Any, given: Table) -> Obstacle:
         shape = own.take(kind, str)
     elif kind == "cylinder" and len(own.numbers(kind)) != 2:
         raise own.fail(kind, "give [radius, length]")
-    at = pose(**{key: rest.pop(key) for key in ("xyz", "rpy") if key in rest})
+    at = sa.pose(**{key: rest.pop(key) for key in ("xyz", "rpy") if key in rest})
     if kind == "robot":
-        robot = load(shape)
+        robot = sa.load(shape)
         q = rest.pop("q", np.clip(0.0, robot.lower, robot.upper))
-        return Obstacle.robot(robot.at(q, base=at), **rest)
+        return sa.Obstacle.robot(robot.at(q, base=at), **rest)
     size = shape if kind == "cylinder" else (Path(shape),) if kind == "mesh" else (shape,)
-    return getattr(Obstacle, kind)(*size, at, **rest)
+    return getattr(sa.Obstacle, kind)(*size, at, **rest)
 
 
-def target_of(path: Path) -> Target:
+def target_of(path: Path) -> sa.Target:
     """Return the target that a TOML file describes, by the names of `Target`.
 
     `body` is the path of a robot file, from the folder of the TOML file on, or a table of `Bus`;
@@ -245,18 +242,18 @@ def target_of(path: Path) -> Target:
     """
     given = parse(text_of(path, "--target"), str(path))
 
-    def body(value: Any) -> Bus | Path:
+    def body(value: Any) -> sa.Bus | Path:
         if isinstance(value, str):
             return path.parent / value
-        return built(Bus, given.inner("body"))
+        return built(sa.Bus, given.inner("body"))
 
     def placed(value: Any, where: str) -> Any:
         own = Table(f"{given.where}: {where}", value)
         own.knows("xyz", "rpy")
-        return pose(**own.values)
+        return sa.pose(**own.values)
 
     return built(
-        Target,
+        sa.Target,
         given,
         body=body,
         pose=lambda value: placed(value, "pose"),
@@ -266,6 +263,6 @@ def target_of(path: Path) -> Target:
     )
 
 
-def search_of(given: Table, progress: Callable[[float, float], object]) -> Search:
+def search_of(given: Table, progress: Callable[[float, float], object]) -> sa.Search:
     """Return how to look, of a table with the fields of `Search`."""
-    return built(Search, Table(given.where, given.values | {"progress": progress}))
+    return built(sa.Search, Table(given.where, given.values | {"progress": progress}))

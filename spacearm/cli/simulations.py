@@ -10,32 +10,13 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from spacearm.cli.options import (
-    AsJson,
-    Attitude,
-    JointValues,
-    Picture,
-    Save,
-    Spacecraft,
-    SpacecraftMode,
-    View,
-    joint_values,
-    mark_of,
-    on_a_model,
-    radians,
-    task_rows,
-)
+import spacearm as sa
+from spacearm.cli import options as opt
 from spacearm.cli.output import answer, out, print_json, say_stopped, working
 from spacearm.cli.questions import With, controller_of, question, start_of
 from spacearm.cli.wording import INTERRUPTED
-from spacearm.errors import ConfigurationError
-from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import LAWS, TipLaw
-from spacearm.motion.flights import Flight, simulate_phases
-from spacearm.motion.motion import Trajectory
-from spacearm.motion.plant import Integration
-from spacearm.motion.simulation import simulate
-from spacearm.servo.servo import SLOW, STOP, Servo
+from spacearm.servo.servo import SLOW, STOP
 from spacearm.servo.watching import recorded
 from spacearm.sweeps.motion_tables import read_integration, read_phases, read_plant, read_sampling
 from spacearm.sweeps.toml import Table
@@ -45,10 +26,10 @@ PLAIN = ("mode", "origin", "stop", "dq")
 OBJECTS = ("start", "controller", "duration", "plant", "sampling", "integration")
 
 
-@on_a_model
+@opt.on_a_model
 def simulate_motion(
-    arm: SpaceArm,
-    q: JointValues = None,
+    arm: sa.SpaceArm,
+    q: opt.JointValues = None,
     target: str | None = None,
     controller: Annotated[
         str | None,
@@ -58,15 +39,17 @@ def simulate_motion(
         ),
     ] = None,
     duration: Annotated[float | None, typer.Option(show_default=False)] = None,
-    attitude: Attitude = None,
+    attitude: opt.Attitude = None,
     more: With = None,
-    output: Picture = None,
-    save: Save = None,
-    view: View = False,
+    output: opt.Picture = None,
+    save: opt.Save = None,
+    view: opt.View = False,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> int:
-    """Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.
+    """Simulate an arm under a controller.
+
+    Draws tip path, attitude, joints and sigma_min.
 
     --with gives all that sa.simulate takes: start, controller, plant, sampling, integration, mode,
     origin, stop, dq; or [[phases]] of sa.simulate_phases. Ctrl-C ends the run and keeps what there
@@ -82,7 +65,7 @@ def simulate_motion(
     if "phases" in asked.values:
         given = {"--target": target, "--controller": controller, "--duration": duration}
         if both := [option for option, value in given.items() if value is not None]:
-            raise ConfigurationError(f"phases and {both[0]} are given; say it in the phases")
+            raise sa.ConfigurationError(f"phases and {both[0]} are given; say it in the phases")
         return _fly(start, asked, save, output, view, deg, as_json)
     law = asked.inner("controller")
     if controller is not None:
@@ -90,7 +73,9 @@ def simulate_motion(
     if target is not None:
         law.values["target"] = _target(arm, law, target, deg)
     if not law.values.keys() - {"law"}:
-        raise ConfigurationError("there is no target; give --target, or phases by --with FILE.toml")
+        raise sa.ConfigurationError(
+            "there is no target; give --target, or phases by --with FILE.toml"
+        )
     laws = controller_of(arm, law)
     seconds = asked.take("duration", float, 60.0) if duration is None else duration
     options = asked.some(*PLAIN)
@@ -98,19 +83,19 @@ def simulate_motion(
         asked.values["stop"] = [asked.values["stop"]]
     options["stop"] = asked.texts("stop")
     with working("simulating") as progress:
-        run = simulate(
+        run = sa.simulate(
             start,
             laws,
             seconds,
             plant=read_plant(asked.inner("plant")),
             sampling=read_sampling(asked),
-            integration=read_integration(asked.inner("integration"), Integration()),
+            integration=read_integration(asked.inner("integration"), sa.Integration()),
             progress=progress,
             **options,
         )
 
     def drawn() -> dict[str, Any]:
-        return {"target": mark_of(run[-1], laws.goal(0.0))} if isinstance(laws, TipLaw) else {}
+        return {"target": opt.mark_of(run[-1], laws.goal(0.0))} if isinstance(laws, TipLaw) else {}
 
     answer(
         arm, run, "simulation", deg=deg, as_json=as_json, save=save, output=output, view=view,
@@ -120,7 +105,7 @@ def simulate_motion(
 
 
 def _fly(
-    start: Configuration,
+    start: sa.Configuration,
     asked: Table,
     save: Path | None,
     output: Path | None,
@@ -131,7 +116,7 @@ def _fly(
     """Simulate the phases of a flight; files get the number of their phase."""
     phases = read_phases(asked, start.arm)
     with working("simulating") as progress:
-        flight = simulate_phases(start, phases, dq=asked.values.get("dq"), progress=progress)
+        flight = sa.simulate_phases(start, phases, dq=asked.values.get("dq"), progress=progress)
     for i, run in enumerate(flight.phases):
         if save:
             run.save(save.with_stem(f"{save.stem}_{i}"))
@@ -139,16 +124,16 @@ def _fly(
     return _ended(flight, f"{len(flight.phases)} of {len(phases)} phases simulated")
 
 
-def _target(arm: SpaceArm, law: Table, text: str, deg: bool) -> list[float]:
+def _target(arm: sa.SpaceArm, law: Table, text: str, deg: bool) -> list[float]:
     """Return the numbers of --target in SI units: joint positions, or the task's rows."""
     if law.values.get("law") == "JointPD":
-        values = joint_values(arm, text.split(), deg)
+        values = opt.joint_values(arm, text.split(), deg)
     else:
-        values = task_rows(arm, "--target", text, deg)
+        values = opt.task_rows(arm, "--target", text, deg)
     return [float(value) for value in values]
 
 
-def _ended(run: Trajectory | Flight, done: str) -> int:
+def _ended(run: sa.Trajectory | sa.Flight, done: str) -> int:
     """Return the exit code of a run, or of a flight."""
     if run.ended == "interrupted":
         say_stopped(done)
@@ -160,11 +145,11 @@ TOO_NEAR = 3
 """Exit code where a state was nearer than --stop, or made no sense."""
 
 
-@on_a_model
+@opt.on_a_model
 def watch_states(
-    arm: SpaceArm,
+    arm: sa.SpaceArm,
     file: Annotated[str, typer.Argument()] = "-",
-    mode: SpacecraftMode = Spacecraft.FREE,
+    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
     stop: Annotated[
         float | None,
         typer.Option(
@@ -183,9 +168,11 @@ def watch_states(
     ahead: float = 5.0,
     topic: str = "/joint_states",
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> int:
-    """Watch a stream of joint states, and warn before it comes near a singular posture.
+    """Warn when joint states come near a singular posture.
+
+    The states come as a stream, one a line; the warning comes before the arm is near.
 
     Options:
         file ([FILE]): Joint states: lines of JSON with t and q, or name and position, or an .mcap
@@ -193,8 +180,8 @@ def watch_states(
         ahead: Time ahead that is warned of [s].
         topic: Topic of an .mcap file.
     """
-    near, far = radians(stop, deg, STOP), radians(slow, deg, SLOW)
-    servo = Servo(arm, mode=mode.value, stop=near, slow=far)
+    near, far = opt.radians(stop, deg, STOP), opt.radians(slow, deg, SLOW)
+    servo = sa.Servo(arm, mode=mode.value, stop=near, slow=far)
     messages: Iterable[Any] = sys.stdin if file == "-" else recorded(Path(file), topic)
     level, worst, count = "", 0, 0
     for state in servo.watch(messages, ahead=ahead):

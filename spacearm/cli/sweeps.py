@@ -15,21 +15,20 @@ import typer
 from rich.progress import MofNCompleteColumn, ProgressColumn, Task
 from rich.text import Text
 
-from spacearm.cli.options import documented
+import spacearm as sa
+from spacearm.cli import options as opt
 from spacearm.cli.output import err, out, print_description, working
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.compiler.machine import processors
-from spacearm.errors import ConfigurationError, SweepError
 from spacearm.results import Column, Description, Table
 from spacearm.sweeps.runner import Tally, estimate, run_chunks, status
-from spacearm.sweeps.study import Study
 from spacearm.sweeps.workers import connect
 
 if TYPE_CHECKING:
     from distributed import Client
 
 
-@documented
+@opt.documented
 def run_study(
     study: Annotated[Path, typer.Argument()],
     store: Path,
@@ -38,7 +37,9 @@ def run_study(
     show_status: Annotated[bool, typer.Option("--status")] = False,
     dry_run: bool = False,
 ) -> int:
-    """Compute a study chunk by chunk; run again after a stop, it goes on where it was.
+    """Compute a study chunk by chunk; a stopped one goes on.
+
+    Run the same command again after a stop.
 
     Options:
         study (STUDY.TOML): See help(spacearm.Study).
@@ -48,9 +49,9 @@ def run_study(
         show_status: Only report what is done.
         dry_run: Only estimate time and disk.
     """
-    read = Study.read(study)
+    read = sa.Study.read(study)
     if workers is not None and scheduler is not None:
-        raise ConfigurationError("--workers is for this machine; leave it out with --scheduler")
+        raise sa.ConfigurationError("--workers is for this machine; leave it out with --scheduler")
     if show_status:
         return _print_status(read, store)
     if dry_run:
@@ -68,7 +69,7 @@ def run_study(
             with closing(run_chunks(read, store, client=client, workers=workers)) as tallies:
                 for latest in tallies:
                     progress(latest.done, latest.total)
-        except SweepError as error:
+        except sa.SweepError as error:
             err.print(f"spacearm: {error}")
             code = 1
         except KeyboardInterrupt:
@@ -105,7 +106,7 @@ def _client(scheduler: str | None) -> Iterator[Client | None]:
             client.close(timeout=2)
 
 
-def _print_status(study: Study, store: Path) -> int:
+def _print_status(study: sa.Study, store: Path) -> int:
     found = status(study, store)
     rows = [
         (name, chunks, done, len(failed), done / chunks) for name, chunks, done, failed in found
@@ -120,7 +121,7 @@ def _print_status(study: Study, store: Path) -> int:
     return 1 if errors else 0
 
 
-def _print_estimate(study: Study, store: Path, cores: int) -> None:
+def _print_estimate(study: sa.Study, store: Path, cores: int) -> None:
     done = {s.quantity: s.done for s in status(study, store)} if store.exists() else {}
     rows, seconds, size = [], 0.0, 0.0
     for quantity, chunks, each, nbytes in estimate(study):

@@ -7,27 +7,19 @@ from typing import Annotated
 
 import typer
 
-from spacearm.cli.options import (
-    Attitude,
-    Written,
-    joint_values,
-    on_a_model,
-    spacecraft_pose,
-)
+import spacearm as sa
+from spacearm.cli import options as opt
 from spacearm.cli.output import out, serve_until_interrupted, undisturbed, working
-from spacearm.errors import ConfigurationError
-from spacearm.model.arm import SpaceArm
-from spacearm.motion.motion import Motion
 from spacearm.viewer.motions import WORDS
 from spacearm.viewer.session import opening_posture
 from spacearm.viewer.show import view as show
 
 
-@on_a_model
+@opt.on_a_model
 def view_configuration(
-    arm: SpaceArm,
+    arm: sa.SpaceArm,
     q: Annotated[list[str] | None, typer.Argument()] = None,
-    attitude: Attitude = None,
+    attitude: opt.Attitude = None,
     motion: Path | None = None,
     compare: Annotated[
         str | None,
@@ -40,12 +32,14 @@ def view_configuration(
     fly: bool = False,
     port: int | None = None,
     no_open: bool = False,
-    save: Written = None,
-    png: Written = None,
-    video: Written = None,
+    save: opt.Written = None,
+    png: opt.Written = None,
+    video: opt.Written = None,
     deg: bool = False,
 ) -> None:
-    """Show a configuration or play a motion in the browser, with sliders; Ctrl-C ends it.
+    """Show a posture or play a motion in the browser.
+
+    Its page has sliders for the joints. Ctrl-C ends it.
 
     Options:
         q ([Q1 Q2 ...]): Joint values [rad] or [m]; a regular posture if left out.
@@ -61,17 +55,17 @@ def view_configuration(
     with undisturbed():
         if motion:
             if q or attitude:
-                raise ConfigurationError(
+                raise sa.ConfigurationError(
                     "the motion has its own postures; leave out q and --attitude"
                 )
             given = compare is None or compare in WORDS
-            other = compare if given else Motion.load(str(compare), arm)
-            viewer = show(Motion.load(motion, arm), compare=other, open=False)
+            other = compare if given else sa.Motion.load(str(compare), arm)
+            viewer = show(sa.Motion.load(motion, arm), compare=other, open=False)
         elif compare:
-            raise ConfigurationError("there is no motion to compare; give --motion")
+            raise sa.ConfigurationError("there is no motion to compare; give --motion")
         else:
-            start = joint_values(arm, q, deg) if q else opening_posture(arm)
-            viewer = show(arm.at(start, base=spacecraft_pose(attitude, deg)), open=False)
+            start = opt.joint_values(arm, q, deg) if q else opening_posture(arm)
+            viewer = show(arm.at(start, base=opt.spacecraft_pose(attitude, deg)), open=False)
     viewer.session.fly = fly
     if save:
         out.print(f"wrote {viewer.save(save)}")

@@ -9,29 +9,21 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+import spacearm as sa
 from spacearm.arrays import Array, plain
-from spacearm.cli.options import (
-    AsJson,
-    Limits,
-    Picture,
-    Spacecraft,
-    SpacecraftMode,
-    View,
-    on_a_model,
-    radians,
-    table_of,
-)
+from spacearm.cli import options as opt
 from spacearm.cli.output import answer, err, kept, say_stopped, working
 from spacearm.cli.wording import INTERRUPTED
-from spacearm.errors import ConfigurationError
-from spacearm.model.arm import SpaceArm
 from spacearm.results import Column, Described, Description, Table
-from spacearm.singularities.risk import risk_profile
 from spacearm.workspaces.design import unit_of, workspaces
-from spacearm.workspaces.path_dependent import EFFORT, workspace
+from spacearm.workspaces.path_dependent import EFFORT
 
 COUNT = 9
 """Values of a range whose number is not given."""
+NOTHING_FREE = (
+    "No workspace has a path independent part; --risk compares how many postures are near a "
+    "singular one."
+)
 
 Effort = Annotated[
     int | None,
@@ -44,20 +36,20 @@ Effort = Annotated[
 ]
 
 
-@on_a_model
+@opt.on_a_model
 def compute_workspace(
-    arm: SpaceArm,
-    mode: SpacecraftMode = Spacecraft.FREE,
-    limits: Limits = False,
+    arm: sa.SpaceArm,
+    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    limits: opt.Limits = False,
     effort: Effort = None,
     seed: int = 0,
     free: bool = False,
-    output: Picture = None,
+    output: opt.Picture = None,
     path: Path | None = None,
-    view: View = False,
-    as_json: AsJson = False,
+    view: opt.View = False,
+    as_json: opt.AsJson = False,
 ) -> int:
-    """Compute and draw the path dependent and path independent workspaces.
+    """Compute the path dependent and path independent workspaces.
 
     Ctrl-C keeps what there is.
 
@@ -70,7 +62,7 @@ def compute_workspace(
     tries = EFFORT if effort is None else effort
     result, code = kept(
         "computing the workspace",
-        lambda progress: workspace(
+        lambda progress: sa.workspace(
             arm, mode=mode.value, limits=limits, effort=tries, seed=seed, progress=progress
         ),
     )
@@ -95,21 +87,21 @@ def compute_workspace(
     return code
 
 
-@on_a_model
+@opt.on_a_model
 def compute_risk(
-    arm: SpaceArm,
-    limits: Limits = False,
+    arm: sa.SpaceArm,
+    limits: opt.Limits = False,
     near: Annotated[float | None, typer.Option(min=0.0)] = None,
     bins: Annotated[int, typer.Option(min=1)] = 20,
     samples: Annotated[int, typer.Option(min=1)] = 200_000,
     seed: int = 0,
-    output: Picture = None,
+    output: opt.Picture = None,
     deg: bool = False,
-    as_json: AsJson = False,
+    as_json: opt.AsJson = False,
 ) -> int:
-    """Estimate how many postures are near a singularity, by the tip's distance from the CM.
+    """Estimate how many postures are near a singularity.
 
-    Ctrl-C keeps what there is.
+    Postures are counted by the tip's distance from the system CM. Ctrl-C keeps what there is.
 
     Options:
         near: Distance to the singular set up to which a posture is near [rad], with --deg in
@@ -120,8 +112,8 @@ def compute_risk(
     """
     profile, code = kept(
         "sampling",
-        lambda progress: risk_profile(
-            arm, limits=limits, distance=radians(near, deg, None), bins=bins, samples=samples,
+        lambda progress: sa.risk_profile(
+            arm, limits=limits, distance=opt.radians(near, deg, None), bins=bins, samples=samples,
             seed=seed, progress=progress,
         ),
     )  # fmt: skip
@@ -129,19 +121,24 @@ def compute_risk(
     return code
 
 
-@on_a_model
+@opt.on_a_model
 def sweep_designs(
-    arm: SpaceArm,
+    arm: sa.SpaceArm,
     vary: list[str],
-    mode: SpacecraftMode = Spacecraft.FREE,
-    limits: Limits = False,
+    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    limits: opt.Limits = False,
     effort: Effort = None,
-    output: Picture = None,
-    as_json: AsJson = False,
+    risk: bool = False,
+    output: opt.Picture = None,
+    as_json: opt.AsJson = False,
 ) -> int:
-    """Draw the path independent share over design parameters; Ctrl-C keeps what is done.
+    """Compare designs: masses, lengths, the mounting point.
+
+    They are compared by the path independent share of the workspace. Ctrl-C keeps what is done.
 
     Options:
+        risk: Also the share of postures near a singular one, which tells designs apart whose
+            workspaces are path dependent everywhere.
         vary (NAME=A[:B[:COUNT]]): A parameter and its values: base_mass (the inertia grows with
             it), payload, mass:LINK [kg], length:LINK [m], base_inertia (a factor), mount_x,
             mount_y, mount_z [m]; may be repeated.
@@ -150,8 +147,9 @@ def sweep_designs(
     grid = {name: _values(name, values) for name, _, values in pairs}
     with working("designs") as progress:
         result = workspaces(
-            arm, grid, mode=mode.value, limits=limits, effort=effort, progress=progress
-        )
+            arm, grid, mode=mode.value, limits=limits, effort=effort, risk_bins=int(risk),
+            progress=progress,
+        )  # fmt: skip
     answer(arm, Designs(result, grid), "design", as_json=as_json, output=output, thing=result)
     if (done := int(result["done"].sum())) < result["done"].size:
         say_stopped(f"{done} of {result['done'].size} designs done")
@@ -162,7 +160,7 @@ def sweep_designs(
 class Designs(Described):
     """The dataset of `design.workspaces` as an answer.
 
-    Options:
+    Args:
         found: The dataset.
         grid: The values of each parameter, by name.
     """
@@ -173,17 +171,23 @@ class Designs(Described):
     def describe(self) -> Description:
         """Return a table of the designs that are done."""
         found, rows = self.found, []
+        near = [("near_share", "within 5° of a singular posture, to first order")] * (
+            "near_share" in found
+        )
+        shares = [("fraction", "path independent"), *near]
         for at in np.ndindex(found["done"].shape):
             if found["done"].values[at]:
                 pdw = [r for r in found["pdw"].values[at] if np.isfinite(r).all()]
                 values = (values[i] for values, i in zip(self.grid.values(), at, strict=True))
                 shells = "  ".join(f"{low:.4f}..{high:.4f}" for low, high in pdw) or "none"
-                rows.append((*values, f"{found['fraction'].values[at]:.2%}", shells))
+                told = (f"{found[name].values[at]:.2%}" for name, _ in shares)
+                rows.append((*values, *told, shells))
         heads = [Column(name, unit_of(name).split()[0], ".6g") for name in self.grid]
         return Description(
             title=f"{found.attrs['arm']}, {found.attrs['base_mode']}",
             verdict=f"{len(rows)} of {found['done'].size} designs",
-            tables=(Table((*heads, "path independent", "path dependent [m]"), rows),),
+            notes=[] if near or (found["fraction"] > 0.0).any() else [NOTHING_FREE],
+            tables=(Table((*heads, *(head for _, head in shares), "path dependent [m]"), rows),),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -197,7 +201,8 @@ class Designs(Described):
             told["done"] = bool(found["done"].values[at])
             if told["done"]:
                 told[sizes] = {n: float(found[n].values[at]) for n in ("reachable", "piw")}
-                told["fraction"] = float(found["fraction"].values[at])
+                for name in {"fraction", "near_share"} & set(found):
+                    told[name] = float(found[name].values[at])
                 pdw = found["pdw"].values[at]
                 told["pdw"] = pdw[np.isfinite(pdw).all(axis=1)].tolist()
             designs.append(told)
@@ -213,7 +218,7 @@ def _values(name: str, text: str) -> Array:
     except ValueError:
         number = 0
     if number < 1 or text.count(":") > 2:
-        raise ConfigurationError(
+        raise sa.ConfigurationError(
             f"--vary {name}={text}: give a number, LOW:HIGH or LOW:HIGH:COUNT, as in "
             "base_inertia=1:20 or mount_x=0:0.8:5"
         )
@@ -221,7 +226,7 @@ def _values(name: str, text: str) -> Array:
 
 
 def _points(path: Path) -> Array:
-    _, points = table_of(path, f"--path {path}")
+    _, points = opt.table_of(path, f"--path {path}")
     if points.shape[1] not in (2, 3):
-        raise ConfigurationError(f"--path {path}: give 2 or 3 numbers a line [m]")
+        raise sa.ConfigurationError(f"--path {path}: give 2 or 3 numbers a line [m]")
     return points

@@ -103,7 +103,7 @@ class Bodies:
         if not self.all:
             return "collisions NOT checked: the description gives the links no shapes"
         ways = [
-            f"{len(self.by_collision)} links by their collision geometry" * bool(self.by_collision),
+            f"by their collision geometry {listed(self.by_collision)}" * bool(self.by_collision),
             f"by their visuals {listed(self.by_visual)}" * bool(self.by_visual),
         ]
         missed = f"; NOT checked, without shapes: {listed(self.without)}" * bool(self.without)

@@ -8,7 +8,6 @@ them. coal has that for two bodies on given paths, not for the bodies of a chain
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -277,8 +276,6 @@ def collision_geometry(arm: SpaceArm) -> Collisions:
     return Collisions(arm)
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class CollisionReport(Result):
     """Whether the bodies of an arm meet each other or obstacles, from `sa.collision_check`.
 

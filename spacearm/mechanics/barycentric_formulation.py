@@ -13,8 +13,6 @@ Nothing here uses the centroidal momentum matrix: the tests compare the two rout
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
@@ -25,8 +23,6 @@ from spacearm.results import Column, Description, Result, Table
 from spacearm.signatures import checked
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class VirtualManipulator(Result):
     """A chain of constant links from the system CM to the tip.
 
@@ -65,8 +61,6 @@ class VirtualManipulator(Result):
         )
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class Barycentric(Result):
     """The quantities of section II of the paper at one configuration.
 

@@ -23,7 +23,6 @@ the kinetic energy, which therefore cannot grow. Braked joints add the constrain
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
@@ -56,8 +55,6 @@ H_STAR = "the generalized inertia H*"
 D_LOCKED = "the locked inertia D about the system CM"
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class Dynamics(Result):
     """Joint accelerations and torques of one state, with the spacecraft's motion.
 
@@ -369,8 +366,6 @@ def not_positive_definite(arm: SpaceArm, M: Array, name: str) -> ModelError:
 JointState = Literal["free", "braked"]
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class Capture(Result):
     """The arm with its target just after the grasp.
 

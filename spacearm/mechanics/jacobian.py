@@ -12,7 +12,6 @@ three linear ones if its attitude is controlled, none if it is fixed.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -28,8 +27,6 @@ from spacearm.results import Cell, Description, Measure, Result, Table, without_
 from spacearm.signatures import checked
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class MomentumMatrix(Result):
     """The centroidal momentum matrix [A_b A_q]: h = A_b v_b + A_q dq.
 
@@ -195,8 +192,6 @@ def fixed_base_jacobian(cfg: Configuration) -> Array:
     return generalized_jacobian(cfg, mode="fixed")
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class PrescribedMotion(Result):
     """The tip's twist J dq + drift while some joints move at prescribed rates.
 

@@ -11,7 +11,7 @@ for spatial arms a set of rotations.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
@@ -64,8 +64,6 @@ class Ball(NamedTuple):
         return named(self)
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class FeasibleAttitudes(Result):
     """The attitudes of the spacecraft from which the tip can follow a path.
 

@@ -5,7 +5,7 @@ The spacecraft turns with the joints and with the momentum of arm and target, wh
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import pinocchio as pin
@@ -24,7 +24,6 @@ STEPS = 60
 """Steps in which the braking is integrated."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Braking(Motion):
     """The motion by which an arm that holds a target brings its joints to rest.
 

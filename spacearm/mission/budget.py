@@ -11,7 +11,6 @@ spacecraft stays at rest while the arm carries all of it, D_q dq = h.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,8 +51,6 @@ PARTS = (1, 2, 4, 8, 16, 32, 64)
 """Rows into which a step is cut, the fewest that lack no more momentum than they may."""
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class MomentumBudget(Result):
     """What momentum on board does to a posture, and how long the arm can make up for it.
 

@@ -31,10 +31,8 @@ from spacearm.errors import (
     UnsupportedError,
     unknown,
 )
-from spacearm.mechanics.dynamics import (
-    generalized_velocity,
-    spacecraft_twist,
-)
+from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.dynamics import generalized_velocity, spacecraft_twist
 from spacearm.mechanics.floating import STEP, move, walk
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.mechanics.target import Target
@@ -60,8 +58,9 @@ from spacearm.singularities.sets import singular_set
 
 NODES = 400
 """Poses through which the tip is led while it takes up the target's motion, and closing in."""
-PROVEN = math.radians(20.0)
-"""Distance to the singular set that is proven at most [rad]."""
+PROVEN, MOST = math.radians(20.0), 0.7
+"""Distance to the singular set that is proven at most [rad], also as a share of that to first
+order."""
 COARSE, POSTURES, POSTURES_IN = 10, 8, 30.0
 """The same of an approach that is rehearsed, from so many postures at most, and the time in which
 these are sought, at most [s]."""
@@ -89,9 +88,7 @@ class Candidate(NamedTuple):
         return self._asdict()
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Catch(Result):
+class Catch(Result, kw_only=True):
     """How an arm catches a target, from `sa.catch`.
 
     Time begins with the start; the target is then where it is at its time 0. The arm rests until
@@ -339,6 +336,8 @@ def catch(
                 proven = angle(one.distance_proven, down=True)
                 story = f"no singular posture nearer than {proven}, proven"
                 tried[t, name] = Candidate(t, name, True, story)
+                if one.distance_proven >= PROVEN:  # none is known to be better
+                    ends = -math.inf
         waiting = again
     if not found:
         stories = "; ".join(
@@ -542,9 +541,6 @@ class _Request:
             raise NoSolutionError(f"on the way from the stand-off: {chase.reason}")
         most = self.constraints.joint_rates(self.start.arm)
         self._check_loads("rate", np.abs(chase.dq).max(axis=0), most)
-        way = joined(begin, reach, chase)
-        self._check_contacts(way)
-        proven = _proven(reach, chase)
         end, frame = chase[-1], target.at(t, grapple)
         v = generalized_velocity(end, chase.dq[-1])
         stack = end.arm.grasp(**_in_hand(target, t, end.tip)).at(end.q, base=end.base)
@@ -561,6 +557,8 @@ class _Request:
             np.abs(brake.torque).max(axis=0),
         )
         self._check_loads("torque", torque, self.efforts)
+        self._check_contacts(joined(begin, reach, chase))
+        proven = _proven(reach, chase)
         off = end.tip.actInv(frame.pose)
         return Catch(
             target=target,
@@ -670,12 +668,16 @@ def joined(begin: float, reach: Motion, chase: Motion) -> Motion:
 def _proven(*motions: Motion) -> float:
     """Return the distance [rad] of motions within which no posture is singular, proven.
 
+    More than most of what it is to first order is not asked of the proof, which is short then.
+
     Raises:
         NoSolutionError: It is not proven that they meet no singularity.
     """
-    singular, least = singular_set(motions[0].arm), PROVEN
+    arm, least = motions[0].arm, PROVEN
     for motion in motions:
-        least = min(least, singular.clearance(motion, at_least=least).clearance)
+        about = evaluate(arm, motion.q, ("distance",))["distance"].min()
+        least = min(least, float(MOST * about))
+        least = min(least, singular_set(arm).clearance(motion, at_least=least).clearance)
         if least <= 0.0:
             raise NoSolutionError("it is not proven that the way meets no singularity")
     return least

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -103,9 +104,7 @@ class CaptureEnvelope(Parameters):
             positive(value, name)
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class CatchRuns(Result):
+class CatchRuns(Result, kw_only=True):
     """Runs of a catch with targets that differ from the one planned with, from `sa.fly_many`.
 
     Attributes:
@@ -197,6 +196,7 @@ def fly_many(
     seed: int = 0,
     plant: Plant = Plant(),
     sampling: Sampling | None = None,
+    rate: float | None = None,
     integration: Integration = COARSE,
     progress: Callable[[float, float], object] | None = None,
 ) -> CatchRuns:
@@ -215,6 +215,8 @@ def fly_many(
         plant: What else acts, as in `simulate`.
         sampling: Period, delay and noise of the joint controller; None for one that acts at all
             times and knows all.
+        rate: Of `sa.Tracking` [1/s]. If None it is 5, or what period and delay bear where that is
+            less, `sampling.tracking_rate`.
         integration: As in `simulate_many`.
         progress: Called as progress(done, total) now and then.
 
@@ -242,6 +244,8 @@ def fly_many(
     m, rng = whole(runs, "runs", 1), generator(seed)
     actual = [errors.sample(catch.target, rng) for _ in range(m)]
     stages = 3.0
+    if rate is None:
+        rate = min(Tracking.rate, math.inf if sampling is None else sampling.tracking_rate)
 
     def tell(stage: int) -> Callable[[float, float], object]:
         def told(done: float, total: float) -> None:
@@ -258,7 +262,7 @@ def fly_many(
         if sampling is not None:  # noise of its own for each run and each stage
             own = replace(sampling, seed=sampling.seed + stage * m)
         found = simulate_many(
-            starts, Tracking(motion), float(motion.t[-1]), dq=dq, plant=plant, sampling=own,
+            starts, Tracking(motion, rate), float(motion.t[-1]), dq=dq, plant=plant, sampling=own,
             integration=replace(integration, events=()), progress=tell(stage),
         )  # fmt: skip
         ends = [
@@ -273,7 +277,10 @@ def fly_many(
     ends, dq, _ = led(0, [catch.plan[0]] * k, begun, np.zeros((k, catch.arm.n)))
     ends, dq, ended = led(1, ends, catch.chase, dq)
     if failed := [word for word in ended if word != "duration"]:
-        raise NoSolutionError(f"the approach of {catch.arm.name} fails: {failed[0]}", None)
+        raise NoSolutionError(
+            f"the approach of {catch.arm.name} fails: {failed[0]}, led with a rate of {rate:.3g} "
+            "1/s; give another rate, a shorter period and delay, or a plant that disturbs less"
+        )
     ends, dq = [ends[i % k] for i in range(m)], np.array([dq[i % k] for i in range(m)])
     off = np.array([_off(catch, *one) for one in zip(actual, ends, dq, strict=True)])
     bounds = [getattr(envelope, name) for name in MISSES]

@@ -9,7 +9,6 @@ An envelope has both over the mass of the bus.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 
@@ -43,8 +42,6 @@ FOLLOWING = Settings(tolerance=1e-8, stride=0.01)
 Integers = npt.NDArray[np.int64]
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class LevelReach(Result):
     """Where the tip can go with the spacecraft turned by no more than `tilt` on the way.
 
@@ -147,8 +144,6 @@ class LevelReach(Result):
         )
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class LevelEnvelope(Result):
     """How far the tip can go with a level spacecraft, over bus masses (b,) and turns (t,).
 

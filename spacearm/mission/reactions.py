@@ -8,7 +8,7 @@ speed of the tip in the worst direction.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -35,8 +35,6 @@ PERCENTILES = (50.0, 90.0, 95.0, 99.0, 100.0)
 """Those that are reported of the momentum of wheels."""
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class Reaction(Result):
     """What a motion of the arm does to its spacecraft, and what holding the attitude takes.
 
@@ -156,6 +154,9 @@ class Reaction(Result):
         }
         load = self.load
         exceeded = [] if load is None else load.exceeded
+        if load is not None and exceeded and not self.unbounded and load.slower < np.inf:
+            took = np.ceil((self.t[-1] - self.t[0]) * load.slower)
+            exceeded.append(f"in {took:.0f} s, all rates lower by as much, the wheels can hold it")
         held = f"held, wheels take {wheels:.4g} N m s and {torque:.4g} N m"
         if self.unbounded:
             held = "held, " + UNBOUNDED
@@ -251,8 +252,6 @@ def _held_momentum(cfg: Configuration) -> Array:
     return np.asarray(cfg.base.rotation.T @ momentum_matrix(cfg).A_q[3:])
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class WheelSizing(Result):
     """The momentum, and of motions the torque, that wheels need to hold the attitude.
 

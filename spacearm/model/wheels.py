@@ -147,11 +147,26 @@ class WheelLoad(NamedTuple):
                     times = f"{value / most:.3g} times" if most > 0.0 else "more than"
                     found.append(
                         f"wheel {wheel.name}: {value:.4g} {unit}, {times} the {most:.4g} {unit} "
-                        "that it can"
+                        "that it has"
                     )
         if self.across > SPANNED:
             found.append(f"{self.across:.1%} of it is across the axes of all wheels")
         return found
+
+    @property
+    def slower(self) -> float:
+        """How many times as slowly the motion stays within what the wheels have; inf if never.
+
+        Momentum falls with the speed, torque with its square.
+        """
+        if self.across > SPANNED:
+            return np.inf
+        most = np.array([(wheel.capacity, wheel.torque) for wheel in self.wheels]).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            momentum, torque = np.nan_to_num(
+                np.array([self.momentum, self.torque]) / most, posinf=np.inf
+            )
+        return float(max(momentum.max(), np.sqrt(torque.max())))
 
     def table(self) -> Table:
         """Return the load of each wheel beside what it can."""

@@ -29,9 +29,7 @@ TOLD = ("phases", "begins", "events", "captures", "ended")
 """What `Flight.to_dict` gives."""
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Flight(Trajectory):
+class Flight(Trajectory, kw_only=True):
     """The phases of a flight as one motion, from `sa.simulate_phases`.
 
     Its configurations are of the arm with what it holds then. Momentum and energy jump where a body

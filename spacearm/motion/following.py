@@ -9,7 +9,7 @@ is the unit vector with J* dq - x' ds = 0, and the singularity is the point wher
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
 from numbers import Real
@@ -366,9 +366,7 @@ def state_of(cfg: Configuration, s: float) -> Array:
     return np.concatenate((cfg.q, pin.SE3ToXYZQUAT(cfg.base)[3:], [s]))
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Followed(Motion):
+class Followed(Motion, kw_only=True):
     """The motion of an arm whose tip follows a path, from `sa.follow`.
 
     Attributes:

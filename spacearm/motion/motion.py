@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar
 
@@ -28,7 +28,7 @@ from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.tubes import straight
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
-from spacearm.signatures import checked, fits, shown
+from spacearm.signatures import fits, shown
 from spacearm.singularities.nearest import distances_found
 from spacearm.singularities.sets import prove_regular
 
@@ -90,8 +90,6 @@ class Playable(Protocol):
 AnyMotion = TypeVar("AnyMotion", bound="Motion")
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class Motion(Result):
     """A sampled motion, linear between its samples.
 
@@ -438,9 +436,7 @@ def _pose(row: Array) -> pin.SE3:
     return pin.SE3(pin.Quaternion(np.array(quaternion)).normalized(), np.array([x, y, z]))
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Trajectory(Motion):
+class Trajectory(Motion, kw_only=True):
     """The motion of an arm under joint torques, from `sa.simulate`: a `Motion` with more to it.
 
     Attributes:

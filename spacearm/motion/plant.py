@@ -211,6 +211,16 @@ class Sampling(Parameters):
         if (delay := float(finite(self.delay, (), "delay", "[s]"))) < 0.0:
             raise ConfigurationError(f"delay is {delay}; give a time from 0 on [s]")
 
+    @property
+    def tracking_rate(self) -> float:
+        """A rate of `Tracking` [1/s] that this bears: at most 0.52 of that where it gets unstable.
+
+        Joints that are led by computed torque are double integrators. With a torque held over the
+        period T they are stable for rates below 1 / T, with a delay d much longer than T for rates
+        below 0.648 / d.
+        """
+        return 0.5 / (self.period + 1.5 * self.delay)
+
     def noise(self, n: int) -> Array:
         """Return the standard deviations (2 n + 3,) of positions, rates and attitude.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
@@ -32,7 +32,6 @@ from spacearm.planning.timing import (
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.tubes import of_spline
 from spacearm.results import Cell, Description, Measure, Result, Table, joint_measures
-from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import payload_note
 from spacearm.singularities.nearest import NearestSingular, nearness
 from spacearm.singularities.sets import nearest_on_way, prove_regular, prove_way
@@ -74,9 +73,7 @@ class ArrivalError(NamedTuple):
     attitude: float
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Plan(Motion):
+class Plan(Motion, kw_only=True):
     """A motion of the joints from rest, from `sa.plan`: a `Motion` with more to it.
 
     `sa.Tracking` leads the joints through the rows along quintic splines, which arrive:
@@ -397,8 +394,6 @@ def best_attempt(cfg: Configuration, rows: object, tried: Iterable[Attempt] = ()
 Answer: TypeAlias = Literal["yes", "no", "unknown"]
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class Connection(Result):
     """Whether a joint path without singularities leads from one posture to another.
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from matplotlib.figure import Figure
 
 from spacearm.arrays import Array
 from spacearm.closure.held_report import HeldReport
@@ -45,12 +44,12 @@ SIZE = (7.2, 6.0)
 @draws(Configuration)
 def draw_configuration(
     cfg: Configuration,
+    ax: Any,
     *,
-    ax: Any = None,
     color: str = GREY,
     label: bool = True,
     velocities: bool = False,
-) -> Figure:
+) -> Any:
     """Draw spacecraft, arm and system CM: in the plane for planar arms, in space for others.
 
     Args:
@@ -67,7 +66,7 @@ def draw_configuration(
     if velocities:
         draw_velocities(axes, cfg)
     entitle(axes, f"{cfg.arm.name}: spacecraft, arm and system CM (+){stand_ins(cfg.arm)}")
-    return axes.figure
+    return axes
 
 
 @draws(Held, HeldReport)
@@ -89,7 +88,7 @@ def draw_held(result: Held | HeldReport, *, ax: Any = None) -> Figure:
 
 
 @draws(SpaceArm)
-def draw_arm(arm: SpaceArm, *, ax: Any = None, color: str = GREY, label: bool = True) -> Figure:
+def draw_arm(arm: SpaceArm, ax: Any, *, color: str = GREY, label: bool = True) -> Any:
     """Draw an arm with all joints at zero, or at the limit next to zero.
 
     Args:
@@ -100,7 +99,7 @@ def draw_arm(arm: SpaceArm, *, ax: Any = None, color: str = GREY, label: bool = 
         label: Whether to name the system CM and the tip.
     """
     at_rest = arm.at(np.clip(0.0, arm.lower, arm.upper))
-    return draw_configuration(at_rest, ax=ax, color=color, label=label)
+    return draw_configuration(at_rest, ax, color=color, label=label)
 
 
 def in_plane(cfg: Configuration) -> bool:
@@ -149,18 +148,18 @@ def draw_posture(
 
 
 @draws(UncertainArm)
-def draw_uncertain(result: UncertainArm, *, ax: Any = None) -> Figure:
+def draw_uncertain(result: UncertainArm, ax: Any) -> Any:
     """Draw the arm as described.
 
     Args:
         result: The arm with its uncertain numbers.
         ax: Matplotlib axes to draw into; None for a new figure.
     """
-    return draw_arm(result.arm, ax=ax)
+    return draw_arm(result.arm, ax)
 
 
 @draws(VirtualManipulator)
-def draw_virtual_manipulator_alone(result: VirtualManipulator, *, ax: Any = None) -> Figure:
+def draw_virtual_manipulator_alone(result: VirtualManipulator, ax: Any) -> Any:
     """Draw the chain of constant links from the system CM to the tip.
 
     Args:
@@ -173,11 +172,11 @@ def draw_virtual_manipulator_alone(result: VirtualManipulator, *, ax: Any = None
     _draw_chain(axes, result, rows)
     lengths = ", ".join(f"{x:.3g}" for x in np.linalg.norm(result.links, axis=1))
     entitle(axes, f"Virtual Manipulator: links of {lengths} m")
-    return axes.figure
+    return axes
 
 
 @draws(Barycentric)
-def draw_barycentric(result: Barycentric, *, ax: Any = None, chain: bool = True) -> Figure:
+def draw_barycentric(result: Barycentric, ax: Any, *, chain: bool = True) -> Any:
     """Draw the bodies' CMs, their barycentres, equation (8), and the Virtual Manipulator.
 
     Args:
@@ -204,11 +203,11 @@ def draw_barycentric(result: Barycentric, *, ax: Any = None, chain: bool = True)
     equal_axes(axes, "".join("xyz"[i] for i in rows))
     also = " and Virtual Manipulator" if chain else ""
     entitle(axes, f"{result.M:.4g} kg: CMs{',' if chain else ' and'} barycentres{also}")
-    return axes.figure
+    return axes
 
 
 @draws(Region)
-def draw_region(result: Region, *, ax: Any = None) -> Figure:
+def draw_region(result: Region, ax: Any) -> Any:
     """Draw what can happen at a point: the singular postures that reach it, or its distance alone.
 
     Args:
@@ -230,7 +229,7 @@ def draw_region(result: Region, *, ax: Any = None) -> Figure:
         axes.set(aspect="equal", xlabel=where, ylabel=where)
     number = f"\nsingular postures with the tip there: {len(found)}" if found else ""
     entitle(axes, f"{result.radius:.4g} m from the CM: {result.kind}{number}")
-    return axes.figure
+    return axes
 
 
 def _draw_chain(axes: Any, chain: VirtualManipulator, rows: tuple[int, ...]) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from spacearm.errors import ConfigurationError
 from spacearm.plots.style import BLUE, COLOURS, GREY, RED, axes_for, draws, entitle, panels_for
@@ -18,7 +17,7 @@ MOST_CURVES = 12
 
 
 @draws()
-def draw_dataset(result: xr.Dataset, *, ax: Any = None) -> Figure:
+def draw_dataset(result: xr.Dataset, ax: Any) -> Any:
     """Draw a dataset of spacearm: designs, the store of a sweep, or many runs.
 
     Designs and stores are drawn over their axes with more than one value: over one as a curve, over
@@ -68,7 +67,7 @@ def draw_dataset(result: xr.Dataset, *, ax: Any = None) -> Figure:
     fixed = [name for name in others if name != "arm" and name in result.coords]
     at = [f"{name} {result[name].values[0]:.4g}" for name in fixed]
     entitle(axes, ", ".join([*_what(result, arms), *at]))
-    return axes.figure
+    return axes
 
 
 def _measure(result: xr.Dataset) -> xr.DataArray:
@@ -77,6 +76,8 @@ def _measure(result: xr.Dataset) -> xr.DataArray:
     Raises:
         ConfigurationError: There is nothing to draw.
     """
+    if "near_share" in result and not (result["fraction"] > 0.0).any():
+        return (100.0 * result["near_share"]).rename("postures near a singular one [%]")
     if "fraction" in result:
         return (100.0 * result["fraction"]).rename("path independent share [%]")
     if "success" in result:
@@ -109,7 +110,7 @@ def _what(result: xr.Dataset, arms: bool) -> list[str]:
     return [str(np.atleast_1d(result["arm"].values)[0])]
 
 
-def _draw_runs(result: xr.Dataset, ax: Any) -> Figure:
+def _draw_runs(result: xr.Dataset, ax: Any) -> Any:
     """Draw over time which share of the runs has come to what, and how far spacecraft turn."""
     _, (times, turns) = panels_for(ax, lambda whole: whole.subplots(1, 2), 10.0, 4.4)
     m, end = result.sizes["run"], float(np.max(result["t"]))
@@ -130,4 +131,4 @@ def _draw_runs(result: xr.Dataset, ax: Any) -> Figure:
         f"{result.attrs.get('arm', 'runs')}, {result.attrs.get('base_mode', '')}: "
         f"{int(result['success'].sum())} of {m} runs reach the target",
     )
-    return times.figure
+    return times

@@ -6,7 +6,6 @@ from itertools import combinations, product
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -43,21 +42,20 @@ MOST_SAMPLED, MOST_FOUND = 4000, 200
 """Samples drawn of an exact set, and of one whose every sample takes a search."""
 
 
-@draws(SingularMap)
-def draw_map(result: SingularMap, *, ax: Any = None, box: FreeBox | None = None) -> Figure:
+@draws(SingularMap, size=(7.2, 6.0))
+def draw_map(result: SingularMap, axes: Any, *, box: FreeBox | None = None) -> None:
     """Draw the distance to first order over two joints, with the exact curves where known.
 
     Figure 4 of Papadopoulos & Dubowsky (1993) for planar2.
 
     Args:
         result: The map.
-        ax: Matplotlib axes to draw into; None for a new figure.
+        axes: Where it is drawn.
         box: Joint ranges in which no posture is singular, to be outlined.
 
     Raises:
         ConfigurationError: The joints that are held are outside the box, or it is of another arm.
     """
-    axes = axes_for(ax, 7.2, 6.0)
     degrees, distance = np.degrees(result.angles), np.degrees(result.distance.T)
     most = float(np.max(distance, initial=0.0, where=np.isfinite(distance)))
     far = next((scale for scale in SCALES if most <= scale), FAR)
@@ -85,11 +83,10 @@ def draw_map(result: SingularMap, *, ax: Any = None, box: FreeBox | None = None)
     )
     where = f"\n{held} deg, others 0" if held else ""
     entitle(axes, f"{result.arm}: {what}{where}")
-    return axes.figure
 
 
 @draws(SingularSet)
-def draw_singular_set(result: SingularSet, *, ax: Any = None) -> Figure:
+def draw_singular_set(result: SingularSet, ax: Any) -> Any:
     """Draw a singular set over the joints that matter to it.
 
     Complete sets of one dimension are drawn as curves, those of two as a surface, all others as
@@ -124,16 +121,16 @@ def draw_singular_set(result: SingularSet, *, ax: Any = None) -> Figure:
         samples = result.sample(MOST_SAMPLED, np.random.default_rng(0))
         axes = _draw_samples(arm, samples, ax)
     entitle(axes, f"{arm.name}, {result.mode}: singular set")
-    return axes.figure
+    return axes
 
 
-def _draw_found(result: SingularSet, ax: Any) -> Figure:
+def _draw_found(result: SingularSet, ax: Any) -> Any:
     """Draw what a search finds of a set that is not known exactly."""
     samples = result.sample(MOST_FOUND, np.random.default_rng(0))
     axes = _draw_samples(result.arm, samples, ax)
     found = f"{len(samples)} singular configurations found"
     entitle(axes, f"{result.arm.name}, {result.mode}: {found}")
-    return axes.figure
+    return axes
 
 
 def _rootless(result: SingularSet) -> bool:
@@ -243,7 +240,7 @@ POINTS = 361
 
 
 @draws(TrigPolynomial)
-def draw_polynomial(result: TrigPolynomial, *, ax: Any = None) -> Figure:
+def draw_polynomial(result: TrigPolynomial, ax: Any) -> Any:
     """Draw a polynomial of one or two angles with its zeros, one of more by its coefficients.
 
     The order of a coefficient c_k is |k_1| + ... + |k_n|.
@@ -256,7 +253,7 @@ def draw_polynomial(result: TrigPolynomial, *, ax: Any = None) -> Figure:
     draw = {1: _draw_curve, 2: _draw_map}.get(result.n, _draw_coefficients)
     draw(axes, result)
     entitle(axes, f"Trigonometric polynomial of degrees {result.degrees}")
-    return axes.figure
+    return axes
 
 
 def _draw_curve(axes: Any, S: TrigPolynomial) -> None:
@@ -299,7 +296,7 @@ def _draw_coefficients(axes: Any, S: TrigPolynomial) -> None:
 
 
 @draws(FreeBox)
-def draw_free_box(result: FreeBox, *, ax: Any = None) -> Figure:
+def draw_free_box(result: FreeBox, ax: Any) -> Any:
     """Draw the range of each joint that is proven free, in its limits or in one turn.
 
     Args:
@@ -321,18 +318,18 @@ def draw_free_box(result: FreeBox, *, ax: Any = None) -> Figure:
     axes.invert_yaxis()
     axes.set(xlabel="joint position [°] or [m]")
     entitle(axes, f"{arm.name}, {result.mode}: no singular posture in the green ranges, proven")
-    return axes.figure
+    return axes
 
 
-@draws(FreeBoxes)
-def draw_free_boxes(result: FreeBoxes, *, ax: Any = None) -> Figure:
+@draws(FreeBoxes, size=(7.2, 5.2))
+def draw_free_boxes(result: FreeBoxes, axes: Any) -> None:
     """Draw the boxes over two joints; of more joints the share that the largest of them cover.
 
     Args:
         result: The boxes.
-        ax: Matplotlib axes to draw into; None for a new figure.
+        axes: Where it is drawn.
     """
-    arm, axes = result.arm, axes_for(ax, 7.2, 5.2)
+    arm = result.arm
     covered = 100.0 * np.cumsum(np.sort(result.volumes)[::-1])
     if arm.n == 2:
         scale = np.where(arm.slides, 1.0, 180.0 / np.pi)
@@ -353,18 +350,16 @@ def draw_free_boxes(result: FreeBoxes, *, ax: Any = None) -> Figure:
         f"{arm.name}, {result.mode}: {len(covered):,} boxes without singular posture, proven\n"
         f"{whole:.3g} % of the range",
     )
-    return axes.figure
 
 
-@draws(Connection)
-def draw_connection(result: Connection, *, ax: Any = None) -> Figure:
+@draws(Connection, size=(7.2, 4.6))
+def draw_connection(result: Connection, axes: Any) -> None:
     """Draw the joints along the path that connects both postures.
 
     Args:
         result: The connection.
-        ax: Matplotlib axes to draw into; None for a new figure.
+        axes: Where it is drawn.
     """
-    axes = axes_for(ax, 7.2, 4.6)
     scale = np.where(result.arm.slides, 1.0, 180.0 / np.pi)
     if len(result.path):
         way = np.append(0.0, np.linalg.norm(np.diff(result.path, axis=0), axis=1).cumsum())
@@ -374,4 +369,3 @@ def draw_connection(result: Connection, *, ax: Any = None) -> Figure:
         axes.legend(frameon=False)
     axes.set(xlabel="length of the joint path [rad] or [m]", ylabel="joint position [°] or [m]")
     entitle(axes, f"{result.arm.name}, connected without singularity: {result.answer}")
-    return axes.figure

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.patches import Wedge
 
 from spacearm.errors import ConfigurationError
@@ -27,7 +26,6 @@ from spacearm.plots.style import (
     draws,
     entitle,
     equal_axes,
-    panels_for,
     write_powers,
 )
 
@@ -35,7 +33,7 @@ AXES = (("x", BLUE), ("y", ORANGE), ("z", GREEN))
 
 
 @draws(FeasibleAttitudes)
-def draw_attitudes(result: FeasibleAttitudes, *, ax: Any = None) -> Figure:
+def draw_attitudes(result: FeasibleAttitudes, ax: Any) -> Any:
     """Draw the feasible attitudes: a ring of a planar arm, a map of directions of others.
 
     The map shows the direction of the spacecraft's z axis, equal areas as such, and at each the
@@ -51,18 +49,17 @@ def draw_attitudes(result: FeasibleAttitudes, *, ax: Any = None) -> Figure:
     else:
         axes = axes_for(ax, 8.4, 5.0)
         _draw_directions(axes, result)
-    return axes.figure
+    return axes
 
 
-@draws(Catch)
-def draw_catch(result: Catch, *, ax: Any = None) -> Figure:
+@draws(Catch, size=(8.0, 7.2), panels=lambda whole: whole.subplots(3, 1, sharex=True))
+def draw_catch(result: Catch, panels: Any) -> None:
     """Draw over time how near the grapple frame and the singular set are, and the joint rates.
 
     Args:
         result: The catch.
-        ax: Three axes, or a figure or subfigure; None for a new figure.
+        panels: Where it is drawn.
     """
-    _, panels = panels_for(ax, lambda whole: whole.subplots(3, 1, sharex=True), 8.0, 7.2)
     gap, clear, rates = panels
     way, target, brake = result.approach, result.target, result.brake
     places = [target.at(float(t), result.grapple).pose.translation for t in way.t]
@@ -90,18 +87,16 @@ def draw_catch(result: Catch, *, ax: Any = None) -> Figure:
         f"{way.arm.name} catches {target.name}: moves at {begin:.3g} s, at the stand-off at "
         f"{standing:.3g} s, contact at {result.t:.4g} s",
     )
-    return gap.figure
 
 
-@draws(CatchRuns)
-def draw_catch_runs(result: CatchRuns, *, ax: Any = None) -> Figure:
+@draws(CatchRuns, size=(6.8, 4.2))
+def draw_catch_runs(result: CatchRuns, axes: Any) -> None:
     """Draw how the errors at contact are distributed, over what the envelope allows.
 
     Args:
         result: The runs.
-        ax: Matplotlib axes to draw into; None for a new figure.
+        axes: Where it is drawn.
     """
-    axes = axes_for(ax, 6.8, 4.2)
     shares = np.linspace(0.0, 100.0, len(result.caught))
     words = ("place", "angle", "velocity", "angular velocity")
     for name, word, color in zip(MISSES, words, COLOURS, strict=False):
@@ -111,18 +106,16 @@ def draw_catch_runs(result: CatchRuns, *, ax: Any = None) -> Figure:
     axes.set(xlabel="at contact, over the envelope", ylabel="runs [%]", xlim=(0.0, None))
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     entitle(axes, f"{result.catch.arm.name}: {result.share:.1%} of {len(shares)} runs caught")
-    return axes.figure
 
 
-@draws(Reaction)
-def draw_reaction(result: Reaction, *, ax: Any = None) -> Figure:
+@draws(Reaction, size=(8.0, 8.4), panels=lambda whole: whole.subplots(4, 1, sharex=True))
+def draw_reaction(result: Reaction, panels: Any) -> None:
     """Draw over time what the spacecraft does, and what holding it takes.
 
     Args:
         result: The reaction.
-        ax: Four axes, or a figure or subfigure; None for a new figure.
+        panels: Where it is drawn.
     """
-    _, panels = panels_for(ax, lambda whole: whole.subplots(4, 1, sharex=True), 8.0, 8.4)
     turns, wheels, torque, camera = panels
     for i, (name, color) in enumerate(AXES):
         turns.plot(result.t, np.degrees(result.excursion[:, i]), color=color, label=name)
@@ -141,18 +134,16 @@ def draw_reaction(result: Reaction, *, ax: Any = None) -> Figure:
         f"{result.arm.name}: turns by up to {np.degrees(result.angle.max()):.3g}°, {what} by "
         f"{np.degrees(result.pointing.max()):.3g}°",
     )
-    return turns.figure
 
 
-@draws(WheelSizing)
-def draw_wheel_sizing(result: WheelSizing, *, ax: Any = None) -> Figure:
+@draws(WheelSizing, size=(7.2, 4.6))
+def draw_wheel_sizing(result: WheelSizing, axes: Any) -> None:
     """Draw which share of the cases a momentum of the wheels covers.
 
     Args:
         result: The sizing.
-        ax: Matplotlib axes to draw into; None for a new figure.
+        axes: Where it is drawn.
     """
-    axes = axes_for(ax, 7.2, 4.6)
     share = 100.0 * (np.arange(len(result.momentum)) + 1.0) / len(result.momentum)
     axes.plot(np.sort(result.momentum), share, color=GREY, lw=2, label="about any axis")
     for i, (name, color) in enumerate(AXES):
@@ -163,7 +154,6 @@ def draw_wheel_sizing(result: WheelSizing, *, ax: Any = None) -> Figure:
     axes.legend(frameon=False)
     speed = "" if result.cases == "motions" else f", tip speed {result.tip_speed:g} m/s"
     entitle(axes, f"{result.arm.name}{speed}: 99 % below the dotted line")
-    return axes.figure
 
 
 def _draw_ring(axes: Any, result: FeasibleAttitudes) -> None:
@@ -219,7 +209,7 @@ def _draw_directions(axes: Any, result: FeasibleAttitudes) -> None:
 
 
 @draws(LevelReach)
-def draw_level(result: LevelReach, *, ax: Any = None) -> Figure:
+def draw_level(result: LevelReach, ax: Any) -> Any:
     """Draw where the tip can go with a level spacecraft.
 
     Args:
@@ -246,18 +236,18 @@ def draw_level(result: LevelReach, *, ax: Any = None) -> Figure:
         f"{result.arm.name}: the tip, the spacecraft turned by at most "
         f"{np.degrees(result.tilt):.3g}°\nfrom the system CM",
     )
-    return axes.figure
+    return axes
 
 
-@draws(LevelEnvelope)
-def draw_envelope(result: LevelEnvelope, *, ax: Any = None) -> Figure:
+@draws(LevelEnvelope, size=(10.0, 4.4), panels=lambda whole: whole.subplots(1, 2))
+def draw_envelope(result: LevelEnvelope, panels: Any) -> None:
     """Draw reach and turn over the mass of the bus.
 
     Args:
         result: The envelope.
-        ax: Two axes, or a figure or subfigure; None for a new figure.
+        panels: Where it is drawn.
     """
-    _, (reach, turn) = panels_for(ax, lambda whole: whole.subplots(1, 2), 10.0, 4.4)
+    reach, turn = panels
     for j, tilt in enumerate(result.tilt):
         color = COLOURS[j % len(COLOURS)]
         label = f"turned by {np.degrees(tilt):.3g}°"
@@ -277,18 +267,16 @@ def draw_envelope(result: LevelEnvelope, *, ax: Any = None) -> Figure:
     reach.legend(frameon=False)
     turn.legend(frameon=False)
     entitle(reach, f"{result.arm.name}: mean over directions, dotted the worst")
-    return reach.figure
 
 
-@draws(MomentumBudget)
-def draw_budget(result: MomentumBudget, *, ax: Any = None) -> Figure:
+@draws(MomentumBudget, size=(10.0, 4.2), panels=lambda whole: whole.subplots(1, 2, sharey=True))
+def draw_budget(result: MomentumBudget, panels: Any) -> None:
     """Draw the joints over time while they hold the tip, and while they hold the spacecraft.
 
     Args:
         result: The budget.
-        ax: Two axes, or a figure or subfigure; None for a new figure.
+        panels: Where it is drawn.
     """
-    _, panels = panels_for(ax, lambda whole: whole.subplots(1, 2, sharey=True), 10.0, 4.2)
     for axes, run, title in (
         (panels[0], result.holding, f"tip held for {result.holds:.4g} s: {result.ended}"),
         (
@@ -304,4 +292,3 @@ def draw_budget(result: MomentumBudget, *, ax: Any = None) -> Figure:
         entitle(axes, title, fontsize=11)
     panels[0].set_ylabel("joints [rad] or [m]")
     panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    return panels[0].figure

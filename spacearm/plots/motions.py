@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from spacearm.arrays import Array, finite, shape_of
@@ -49,11 +48,11 @@ FAR = 45.0
 @draws(Motion)
 def draw_motion(
     motion: Motion,
+    ax: Any,
+    *,
     target: npt.ArrayLike | None = None,
     workspace: Workspace | None = None,
-    *,
-    ax: Any = None,
-) -> Figure:
+) -> Any:
     """Draw a motion: tip path (figure 5), attitude, joints (figure 6), distance from singularities.
 
     Components are along the goal axes, so that a tilted plane is drawn as a flat one.
@@ -95,7 +94,7 @@ def draw_motion(
             axes.axvline(t, color=RED, lw=0.8, ls=":", alpha=0.7)
     if whole is not None:
         whole.align_ylabels()
-    return path.get_figure(root=True)
+    return path
 
 
 def _in_picture(motion: Motion, target: npt.ArrayLike) -> Array:
@@ -261,7 +260,7 @@ def _hulls_of(obstacle: Obstacle, t: float, along: Array) -> list[tuple[Array, s
 
 
 @draws(Target, Obstacle)
-def draw_alone(thing: Target | Obstacle, *, ax: Any = None) -> Figure:
+def draw_alone(thing: Target | Obstacle, ax: Any) -> Any:
     """Draw a target or an obstacle where it is at time 0, in inertial axes.
 
     Args:
@@ -276,18 +275,17 @@ def draw_alone(thing: Target | Obstacle, *, ax: Any = None) -> Figure:
     draw_hulls(axes, _hulls_of(obstacle, 0.0, np.eye(3)), (0, 1, 2), 1.0)
     equal_axes(axes)
     entitle(axes, f"{obstacle.name} at 0 s")
-    return axes.figure
+    return axes
 
 
-@draws(CollisionReport)
-def draw_collision_report(result: CollisionReport, *, ax: Any = None) -> Figure:
+@draws(CollisionReport, size=(7.0, 4.0))
+def draw_collision_report(result: CollisionReport, axes: Any) -> None:
     """Draw the least distance between bodies, less the margins of obstacles: over time, if any.
 
     Args:
         result: The report.
-        ax: Matplotlib axes to draw into; None for a new figure.
+        axes: Where it is drawn.
     """
-    axes = axes_for(ax, 7.0, 4.0)
     label = "least distance, less margins [m]"
     if len(result.t) == 1:
         axes.barh([0], result.distance, height=0.5, color=BLUE)
@@ -303,4 +301,3 @@ def draw_collision_report(result: CollisionReport, *, ax: Any = None) -> Figure:
     left = f" ({len(result.unchecked)} links NOT checked)" * bool(result.unchecked)
     verdict = f"apart, proven{left}" if result.apart else "bodies meet"
     entitle(axes, f"{verdict}; nearest:\n{a}, {b}")
-    return axes.figure

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.colors import SymLogNorm
-from matplotlib.figure import Figure
 
 from spacearm.arrays import Array
 from spacearm.mechanics.dynamics import Capture, Dynamics
@@ -37,7 +36,7 @@ DECADES = 1e-3
 
 
 @draws(SingularityReport)
-def draw_report(result: SingularityReport, *, ax: Any = None) -> Figure:
+def draw_report(result: SingularityReport, ax: Any) -> Any:
     """Draw the posture, the singular values, and the direction of the tip that belongs to each.
 
     Lost directions are red. Each column under the singular values is one direction.
@@ -72,11 +71,11 @@ def draw_report(result: SingularityReport, *, ax: Any = None) -> Figure:
     entitle(directions, "Directions in the rows of the task")
     if whole is not None:
         whole.supxlabel(IN_WORDS, fontsize=9, color=GREY)
-    return posture.figure
+    return posture
 
 
 @draws(Capture)
-def draw_capture(result: Capture, *, ax: Any = None) -> Figure:
+def draw_capture(result: Capture, ax: Any) -> Any:
     """Draw arm and target at the grasp, and joint rates and the spacecraft's twist just after it.
 
     Args:
@@ -103,29 +102,27 @@ def draw_capture(result: Capture, *, ax: Any = None) -> Figure:
     _bars(angular, "xyz", result.twist[3:], "[rad/s]", "Spacecraft, angular")
     title = f"{arm.name} after the capture: {result.energy_lost:.4g} J lost{stand_ins(arm)}"
     headline(whole, panels, title)
-    return posture.get_figure(root=True)
+    return posture
 
 
-@draws(Dynamics)
-def draw_dynamics(result: Dynamics, *, ax: Any = None) -> Figure:
+@draws(Dynamics, size=(10.0, 6.0), panels=lambda whole: whole.subplots(2, 2).ravel())
+def draw_dynamics(result: Dynamics, panels: Any) -> None:
     """Draw joint torques and accelerations, the spacecraft's acceleration and the reaction.
 
     Args:
         result: The answer of `forward_dynamics` or `inverse_dynamics`.
-        ax: Four axes, or a figure or subfigure; None for a new figure.
+        panels: Where it is drawn.
     """
     joints = [f"q{i + 1}" for i in range(len(result.ddq))]
-    _, panels = panels_for(ax, lambda whole: whole.subplots(2, 2).ravel(), 10.0, 6.0)
     tau, ddq, base, reaction = panels
     _bars(tau, joints, result.tau, "[N m] or [N]", "Joint torques")
     _bars(ddq, joints, result.ddq, "[rad/s²] or [m/s²]", "Joint accelerations")
     _bars(base, ROWS, result.base_acceleration, "[m/s²], [rad/s²]", "Spacecraft acceleration")
     _bars(reaction, ROWS, result.reaction, "[N], [N m]", "Reaction on a held spacecraft")
-    return tau.figure
 
 
 @draws(MomentumMatrix)
-def draw_momentum_matrix(result: MomentumMatrix, *, ax: Any = None) -> Figure:
+def draw_momentum_matrix(result: MomentumMatrix, ax: Any) -> Any:
     """Draw A_b and A_q side by side as one matrix.
 
     Args:
@@ -142,11 +139,11 @@ def draw_momentum_matrix(result: MomentumMatrix, *, ax: Any = None) -> Figure:
     title = "Momentum matrix [A_b A_q]: momentum p, angular momentum h [SI]"
     axes = _matrix(np.hstack((result.A_b, result.A_q)), rows, columns, title, ax)
     axes.axvline(5.5, color="black", lw=1.5)
-    return axes.figure
+    return axes
 
 
 @draws(PrescribedMotion)
-def draw_prescribed_motion(result: PrescribedMotion, *, ax: Any = None) -> Figure:
+def draw_prescribed_motion(result: PrescribedMotion, ax: Any) -> Any:
     """Draw the Jacobian of the free joints, and the drift that the prescribed ones cause.
 
     Args:
@@ -157,11 +154,11 @@ def draw_prescribed_motion(result: PrescribedMotion, *, ax: Any = None) -> Figur
     title = "Jacobian of the free joints |\ndrift of the tip [m/s, rad/s]"
     axes = _matrix(matrix, _twist_rows(len(matrix)), [*result.joints, "drift"], title, ax)
     axes.axvline(len(result.joints) - 0.5, color="black", lw=1.5)
-    return axes.figure
+    return axes
 
 
 @draws(ErrorBars)
-def draw_error_bars(result: ErrorBars, *, ax: Any = None) -> Figure:
+def draw_error_bars(result: ErrorBars, ax: Any) -> Any:
     """Draw the bounds for the rounding errors of the entries of J*.
 
     Args:
@@ -171,7 +168,7 @@ def draw_error_bars(result: ErrorBars, *, ax: Any = None) -> Figure:
     columns = [f"q{i + 1}" for i in range(result.jacobian.shape[1])]
     rows = _twist_rows(len(result.jacobian))
     title = f"Error bars of J*; of the singular values {result.sigma:.2g}"
-    return _matrix(result.jacobian, rows, columns, title, ax).figure
+    return _matrix(result.jacobian, rows, columns, title, ax)
 
 
 def _draw_lost(axes: Any, result: SingularityReport) -> None:

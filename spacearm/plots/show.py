@@ -58,8 +58,7 @@ def plot(
     except ValueError as error:
         raise ConfigurationError(f"MPLBACKEND names no backend of Matplotlib: {error}") from None
     draw, name = drawing_of(thing), type(thing).__name__
-    _, *taken = inspect.signature(draw).parameters
-    known = [option for option in taken if option != "ax"]
+    _, _, *known = inspect.signature(draw).parameters
     for option in options:
         if option not in known:
             raise ConfigurationError(

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
-from typing import Any, ParamSpec
+from typing import Any, TypeVar
 
 import matplotlib as mpl
 import numpy as np
@@ -22,7 +22,7 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
 
-P = ParamSpec("P")
+F = TypeVar("F", bound=Callable[..., Any])
 
 BLUE, RED, GREEN, ORANGE, GREY = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#5b6470"
 PURPLE, SKY = "#cc79a7", "#56b4e9"
@@ -63,21 +63,32 @@ def style() -> Iterator[None]:
         yield
 
 
-def draws(*kinds: type) -> Callable[[Callable[P, mpl_figure.Figure]], Callable[P, Any]]:
+def draws(
+    *kinds: type,
+    size: tuple[float, float] | None = None,
+    panels: Callable[[Any], Sequence[Any]] | None = None,
+) -> Callable[[F], F]:
     """Make a function what draws kinds of results, in the style of the project.
 
     Args:
         *kinds: The types of the results.
+        size: Width and height of a new figure [inch] for a function that is given where it draws;
+            None for one that is given what the caller gave, and returns its first panel.
+        panels: Makes the panels in a figure or subfigure; None for one panel.
     """
 
-    def register(draw: Callable[P, mpl_figure.Figure]) -> Callable[P, Any]:
+    def register(draw: F) -> F:
         @wraps(draw)
-        def styled(*args: P.args, **options: P.kwargs) -> mpl_figure.Figure:
+        def styled(thing: object, ax: Any, **options: Any) -> mpl_figure.Figure:
             with style():
-                return draw(*args, **options)
+                if size is None:
+                    return draw(thing, ax, **options).figure
+                where = panels_for(ax, panels, *size)[1] if panels else [axes_for(ax, *size)]
+                draw(thing, where if panels else where[0], **options)
+                return where[0].figure
 
         DRAWINGS.update(dict.fromkeys(kinds, styled))
-        return styled
+        return draw
 
     return register
 

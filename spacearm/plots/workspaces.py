@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.patches import Annulus, Circle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -32,11 +31,11 @@ from spacearm.workspaces.path_dependent import Workspace
 @draws(Workspace)
 def draw_workspace(
     result: Workspace,
+    ax: Any,
+    *,
     path: Array | None = None,
     profile: RiskProfile | None = None,
-    *,
-    ax: Any = None,
-) -> Figure:
+) -> Any:
     """Draw a workspace: for planar arms figure 7 of Papadopoulos & Dubowsky (1993).
 
     Args:
@@ -52,43 +51,48 @@ def draw_workspace(
     if result.planar:
         axes = axes_for(ax, 7.2, 6.4)
         _draw_rings(axes, result, path)
-        return axes.figure
+        return axes
     if profile is None:
         axes = axes_for(ax, 6.4, 5.4, spatial=True)
         _draw_cut_away(axes, result)
-        return axes.figure
+        return axes
 
     def parts(whole: Any) -> list[Any]:
         return [whole.add_subplot(1, 2, 1, projection="3d"), whole.add_subplot(1, 2, 2)]
 
     _, (space, beside) = panels_for(ax, parts, 11.0, 5.4)
     _draw_cut_away(space, result)
-    _draw_profile(beside, profile)
-    return space.figure
+    draw_profile(profile, beside)
+    return space
 
 
-@draws(RiskProfile)
-def draw_profile(result: RiskProfile, *, ax: Any = None) -> Figure:
+@draws(RiskProfile, size=(7.2, 4.4))
+def draw_profile(result: RiskProfile, axes: Any) -> None:
     """Draw the share of configurations near a singularity over the distance from the CM.
 
     Args:
         result: The risk profile.
-        ax: Matplotlib axes to draw into; None for a new figure.
+        axes: Where it is drawn.
     """
-    axes = axes_for(ax, 7.2, 4.4)
-    _draw_profile(axes, result)
-    return axes.figure
+    share, error = 100.0 * result.share, 100.0 * result.error
+    axes.fill_between(result.radius, share - 2 * error, share + 2 * error, color=RED, alpha=0.25)
+    axes.plot(result.radius, share, color=RED, lw=2)
+    axes.set(
+        xlabel="distance of the tip from the system CM [m]",
+        ylabel="configurations near a singularity [%]",
+        ylim=(0.0, None),
+    )
+    entitle(axes, f"postures {nearness(result)}")
 
 
-@draws(PoseRisk)
-def draw_pose_risk(result: PoseRisk, *, ax: Any = None) -> Figure:
+@draws(PoseRisk, size=(7.2, 4.4))
+def draw_pose_risk(result: PoseRisk, axes: Any) -> None:
     """Draw the share of near-singular configurations of each pose over its distance from the CM.
 
     Args:
         result: The risk of sampled tip poses.
-        ax: Matplotlib axes to draw into; None for a new figure.
+        axes: Where it is drawn.
     """
-    axes = axes_for(ax, 7.2, 4.4)
     mean = float(result.share.mean())
     axes.plot(
         np.linalg.norm(result.centre, axis=1), 100.0 * result.share, "o", color=RED, alpha=0.6
@@ -100,7 +104,6 @@ def draw_pose_risk(result: PoseRisk, *, ax: Any = None) -> Figure:
         ylim=(0.0, None),
     )
     entitle(axes, f"{len(result.share)} tip poses, {nearness(result)}\nmean {mean:.1%}")
-    return axes.figure
 
 
 def _draw_rings(axes: Any, result: Workspace, path: Array | None) -> None:
@@ -188,50 +191,35 @@ def _draw_cut_away(axes: Any, result: Workspace) -> None:
     entitle(axes, _title(result))
 
 
-def _draw_profile(axes: Any, profile: RiskProfile) -> None:
-    share, error = 100.0 * profile.share, 100.0 * profile.error
-    axes.fill_between(profile.radius, share - 2 * error, share + 2 * error, color=RED, alpha=0.25)
-    axes.plot(profile.radius, share, color=RED, lw=2)
-    axes.set(
-        xlabel="distance of the tip from the system CM [m]",
-        ylabel="configurations near a singularity [%]",
-        ylim=(0.0, None),
-    )
-    entitle(axes, f"postures {nearness(profile)}")
-
-
 def _title(result: Workspace) -> str:
     share = f"{result.fraction:.1%} path independent"
     return f"{result.arm.name}, {result.mode}: {share} ({result.kind})"
 
 
-@draws(DistanceRange)
-def draw_distance_range(result: DistanceRange, *, ax: Any = None) -> Figure:
+@draws(DistanceRange, size=(7.2, 4.2))
+def draw_distance_range(result: DistanceRange, axes: Any) -> None:
     """Draw how the distances of all arms tried are spread.
 
     Args:
         result: The range.
-        ax: Matplotlib axes to draw into; None for a new figure.
+        axes: Where it is drawn.
     """
-    axes = axes_for(ax, 7.2, 4.2)
     axes.hist(np.degrees(result.distances), bins=30, color=BLUE, alpha=0.6)
     axes.axvline(np.degrees(result.nominal), color=RED, label="as described")
     axes.set(xlabel="distance of the singular posture found [°]", ylabel="arms")
     axes.legend(frameon=False)
     low, high = np.degrees((result.low, result.high))
     entitle(axes, f"{result.tried} arms: {low:.4g}° to {high:.4g}°")
-    return axes.figure
 
 
-@draws(ShellBands)
-def draw_shell_bands(result: ShellBands, *, ax: Any = None) -> Figure:
+@draws(ShellBands, size=(6.6, 6.2))
+def draw_shell_bands(result: ShellBands, axes: Any) -> None:
     """Draw where the workspace is path dependent for all arms tried, and for some.
 
     Args:
         result: The bands.
-        ax: Matplotlib axes to draw into; None for a new figure.
+        axes: Where it is drawn.
     """
-    axes = axes_for(ax, 6.6, 6.2)
     outer = float(result.sometimes.max(initial=0.0)) or 1.0
     for ranges, color, label in (
         (result.sometimes, GREY, "path dependent for some"),
@@ -243,18 +231,17 @@ def draw_shell_bands(result: ShellBands, *, ax: Any = None) -> Figure:
     _about_cm(axes, 1.25 * outer)
     axes.legend(frameon=False, loc="upper right")
     entitle(axes, f"{result.tried} arms")
-    return axes.figure
 
 
-@draws(Identified)
-def draw_identified(result: Identified, *, ax: Any = None) -> Figure:
+@draws(Identified, size=(6.4, 3.6))
+def draw_identified(result: Identified, axes: Any) -> None:
     """Draw the ten parameters with two standard deviations, over mass and radius of gyration.
 
     Args:
         result: What was identified.
-        ax: Matplotlib axes to draw into; None for a new figure.
+        axes: Where it is drawn.
     """
-    axes, size = axes_for(ax, 6.4, 3.6), result.sizes
+    size = result.sizes
     deviations = np.sqrt(result.covariance.diagonal()) / size
     moved = np.abs(result.unexcited).max(axis=0, initial=0.0) > 0.01
     for these, color, what in ((~moved, BLUE, "identified"), (moved, RED, "not excited")):
@@ -267,4 +254,3 @@ def draw_identified(result: Identified, *, ax: Any = None) -> Figure:
     axes.set(ylabel="over powers of mass and\nradius of gyration about the tip")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     entitle(axes, f"held by {result.arm.name}: {result.mass:.4g} kg")
-    return axes.figure

@@ -16,7 +16,6 @@ and of the evaluation, has no sign.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -26,7 +25,6 @@ from spacearm.arrays import Array
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.trig import EPS
 from spacearm.results import Cell, Description, Measure, Result, Table
-from spacearm.signatures import checked
 
 ELLIPSES = np.array([1.1, 1.4, 2.0, 4.0, 8.0, 16.0, 32.0, 128.0, 1024.0])
 """Sums of half axes of Bernstein ellipses, of which the best bounds the error of a series."""
@@ -126,8 +124,6 @@ WORDS: dict[Verdict, str] = {
 """What the verdicts mean."""
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class Certificate(Result):
     """Proof that a path of straight segments in joint space is free of singularities, or a root.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from copy import copy
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -53,7 +52,6 @@ HALTED = {
 """Why the servo halts."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ServoStep(Result):
     """What `Servo.step` gives: joint rates, and what there is to tell of them.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -39,7 +38,6 @@ class JointState(NamedTuple):
     dq: Array | None = None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Watched(Result):
     """What is to say of a joint state of a stream.
 

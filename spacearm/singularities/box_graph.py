@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
 from itertools import pairwise
@@ -63,8 +62,6 @@ class Cells(NamedTuple):
     free: npt.NDArray[np.bool_]
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class FreeBoxes(Result):
     """Boxes that cover regular configurations, joined where they share a part of a face.
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
@@ -96,8 +95,6 @@ class Stop(NamedTuple):
     at: Array | None
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class FreeBox(Result):
     """Ranges of the joints in which no configuration is singular: proven, rounding included.
 

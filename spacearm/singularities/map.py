@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -23,8 +23,6 @@ LINES, ON_LINE = 16, 32
 """Postures, and points on a line through each, by which the joints of a map are chosen."""
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class SingularMap(Result):
     """Distance to the singular set and singular curves over two joints, the others held.
 

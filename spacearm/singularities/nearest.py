@@ -86,7 +86,6 @@ RESTING = 1e-13
 """Offsets that come nearer by less than this are at rest [rad]."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class NearestSingular(Result):
     """The nearest singular configuration that was found, and how near none is.
 
@@ -301,15 +300,15 @@ def distances_found(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
     for i in sorted({0, len(Q) - 1, *np.searchsorted(way, spots).tolist()}):
         if (end := NearestSearch(arm, mode, Q[i : i + 1]).nearest()) is not None:
             points = np.vstack((points, at[i] + end))
-    for _ in range(PASSES):
+    for passed in range(PASSES + 1):
         points = points[~np.isnan(points[:, 0])]
         if not len(points):
             break
         distance, nearest = KDTree(points).query(at)
         nearer = np.flatnonzero(distance < best * (1.0 - NEARER))
-        if not nearer.size:
-            break
         best = np.minimum(best, distance)
+        if passed == PASSES or not nearer.size:
+            break
         search = NearestSearch(arm, mode, Q[nearer], expected=LINEARISED * len(nearer))
         points = np.vstack((points, at[nearer] + search.rested((points[nearest] - at)[nearer])))
     return best

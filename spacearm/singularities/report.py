@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -54,8 +54,6 @@ LED = 0.2
 TONES: Mapping[Kind, Tone] = {"regular": "good", "kinematic": "caution", "dynamic": "bad"}
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class SingularityReport(Result):
     """Singular values of the task Jacobian and the directions that a configuration loses.
 

@@ -9,7 +9,6 @@ planning"). These statistics give the share of configurations near a singularity
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from numbers import Integral
 from typing import Any, ClassVar
 
@@ -30,8 +29,6 @@ BLOCK = 1_000_000
 """Number of configurations drawn at once."""
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class RiskProfile(Result):
     """The share of configurations near a singularity, over the distance of the tip from the CM.
 
@@ -61,6 +58,11 @@ class RiskProfile(Result):
     def radius(self) -> Array:
         """(bins,) middles of the classes [m]."""
         return 0.5 * (self.edges[:-1] + self.edges[1:])
+
+    @property
+    def overall(self) -> float:
+        """Share of the configurations of all classes near a singularity."""
+        return float(np.nansum(self.count * self.share) / self.count.sum())
 
     def describe(self) -> Description:
         """Describe the share of each distance class."""
@@ -167,8 +169,6 @@ def _edges(bins: object) -> Array:
     return edges
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class PoseRisk(Result):
     """Share of configurations near a singularity for sampled tip poses.
 

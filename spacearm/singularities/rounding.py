@@ -30,7 +30,6 @@ section 7.2.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -47,8 +46,6 @@ ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 """Relative error of a term for each joint, movable or fixed, that it is carried across."""
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class ErrorBars(Result):
     """Bounds of the rounding errors of J* and of the singular values.
 

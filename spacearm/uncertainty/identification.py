@@ -18,7 +18,6 @@ rigid-body inertia (IEEE Robot. Autom. Lett. 7(2), 2022, DOI 10.1109/LRA.2022.31
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -54,9 +53,7 @@ LEAST = 1e-2
 """Share of mass and inertia that those of the uncertain arm do not fall below."""
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Identified(Result):
+class Identified(Result, kw_only=True):
     """The body that a hand holds, from `sa.identify`.
 
     Attributes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -40,8 +40,6 @@ CLEARANCES = (0.1, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 """Clearances that are asked of plans, one after the other, until one is robust [deg]."""
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class DistanceRange(Result):
     """How far singular postures are that were found of arms from the intervals.
 
@@ -106,8 +104,6 @@ class DistanceRange(Result):
         )
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class RobustCertificate(Result):
     """Whether a path meets no singularity, for all values in the intervals.
 
@@ -363,8 +359,6 @@ def robust_plan(
     )
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class ShellBands(Result):
     """The path dependent workspace over all arms tried.
 

@@ -222,7 +222,8 @@ def joint_map(
 
     Returns:
         Plain data: `joints`; `shares`, whole numbers up to `SHARES` by rows of the second joint,
-        from -pi to pi; `curves`, lists of points, None where they are not known exactly; `q`.
+        from -pi to pi; `curves`, lists of points, None where they are not known exactly; `q`;
+        `spacecraft`, the mode.
 
     Raises:
         ConfigurationError: The joints are no two revolute ones.
@@ -238,7 +239,8 @@ def joint_map(
     if found.complete and found.codimension == 1:
         traced = found.curves(pair, cfg.q, resolution=RESOLUTION)
         curves = [curve[:, pair].round(4).tolist() for curve in traced]
-    return {"joints": pair, "shares": shares, "curves": curves, "q": cfg.q.tolist()}
+    about = {"joints": pair, "q": cfg.q.tolist(), "spacecraft": mode}
+    return {**about, "shares": shares, "curves": curves}
 
 
 def _pair(arm: SpaceArm, joints: object) -> list[int]:

@@ -13,6 +13,7 @@ from meshcat.animation import AnimationClip
 
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
+from spacearm.errors import SpaceArmError
 from spacearm.mission.catching import Catch
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
@@ -20,7 +21,7 @@ from spacearm.motion.motion import Motion
 from spacearm.singularities.report import SingularityReport, singularity
 from spacearm.viewer import layers
 from spacearm.viewer.motions import Comparison
-from spacearm.viewer.readouts import FAR
+from spacearm.viewer.readouts import FAR, joint_map
 from spacearm.viewer.scene import Scene
 from spacearm.viewer.session import Session
 from spacearm.viewer.shapes import GHOST, STEEL, VIOLET, Ghost, draw_axes
@@ -29,6 +30,8 @@ from spacearm.workspaces.path_dependent import centre_of
 
 MOST_FRAMES = 9000
 """Largest number of frames of a motion in a page; each takes some kilobytes."""
+MOST_MAPS = 25
+"""Largest number of maps that a saved page has of a motion."""
 MOST_POSES = 600
 """Largest number of postures along a motion that the page moves through by itself."""
 FRAMES_PER_SECOND = 30
@@ -183,6 +186,19 @@ class Stage:
             self._draw(cfg, singularity(cfg, mode=motion.mode), t)
 
         self._window.send(self._recorded(motion, MOST_FRAMES, draw))
+
+    def maps(self) -> list[dict[str, Any]]:
+        """Return the map of two joints at the posture, or at postures along the motion."""
+        if self.motion is None:
+            starts = [(0.0, self.session.cfg, self.session.spacecraft)]
+        else:
+            most = MOST_MAPS if self.motion.arm.n > 2 else 1
+            times = [float(t) for t in np.linspace(*self.span, most)]
+            starts = [(t, self.motion.at(t), self.motion.mode) for t in times]
+        try:
+            return [{"t": t, **joint_map(cfg, None, mode)} for t, cfg, mode in starts]
+        except SpaceArmError:  # one of the arms that have none
+            return []
 
     def poses(self) -> dict[str, Any]:
         """Return where things are along the motion, for the page to move them in every frame."""

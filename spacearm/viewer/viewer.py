@@ -218,13 +218,17 @@ class Viewer:
         """Return one self-contained page with the scene as it is, or with the whole motion.
 
         A motion has at least 30 frames a second, but at most 9000 in all, evenly spread. Between
-        them the page interpolates.
+        them the page interpolates. The map of two joints is that of the posture; of a motion those
+        of postures on the way, if other joints move.
         """
+        return self._page(self._stage.maps())
+
+    def _page(self, maps: Sequence[dict[str, Any]] = ()) -> str:
         with self._lock:
             self.draw()
             self._stage.animate()
-            about = {"about": self.about(), "readout": self.readout()}
-            return self.window.static_html(f"{self.session.arm.name} - spacearm", about)
+            shown = {"about": self.about(), "readout": self.readout(), "maps": maps}
+            return self.window.static_html(f"{self.session.arm.name} - spacearm", shown)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write `html` to a file, whole or not at all.
@@ -254,7 +258,7 @@ class Viewer:
             SpaceArmError: No browser is found, it draws nothing in two minutes, or the file cannot
                 be written.
         """
-        return write_by(Path(path), lambda file: file.write(render(self.html(), size, scale)))
+        return write_by(Path(path), lambda file: file.write(render(self._page(), size, scale)))
 
     def frames(
         self,
@@ -366,7 +370,7 @@ class Viewer:
         progress: Callable[[int, int], object] | None,
     ) -> Iterator[bytes]:
         """Render PNG pictures of the motion at some times [s], and tell how many there are."""
-        for i, picture in enumerate(render_frames(self.html(), size, times), 1):
+        for i, picture in enumerate(render_frames(self._page(), size, times), 1):
             yield picture
             if progress:
                 progress(i, len(times))
@@ -374,7 +378,7 @@ class Viewer:
     def _repr_html_(self) -> str:
         """Stand in a notebook: live while it is served, and a scene of its own once it is not."""
         with self._lock:
-            scene, cfg, shapes = self.html(), self.configuration, self._stage.scene.bodies.shapes
+            scene, cfg, shapes = self._page(), self.configuration, self._stage.scene.bodies.shapes
             picture = still(cfg, shapes, self.about()["view"])
         invitation = self._server.invitation() if self._server else None
         return embedded(scene, picture, cfg.arm.name, invitation)
@@ -417,9 +421,8 @@ class Viewer:
                 case "arm":
                     self._change_arm(asked)
                 case "map":
-                    mode = stage.session.spacecraft
-                    told = joint_map(stage.session.cfg, asked.get("joints"), mode)
-                    return {"map": {**told, "spacecraft": mode}}
+                    session = stage.session
+                    return {"map": joint_map(session.cfg, asked.get("joints"), session.spacecraft)}
                 case _:
                     stage.session.handle(message)
         return None

@@ -91,7 +91,7 @@ LIBRARIES = {
 """What the page is built on, by the names that it asks for."""
 SAVED = (
     "format.js", "scene.js", "ticks.js", "camera.js", "readouts.js", "playback.js", "chart.js",
-    "archive.js", "record.js", "touch.js", "saved.js",
+    "archive.js", "map.js", "record.js", "touch.js", "saved.js",
 )  # fmt: skip
 """Modules of a saved page, each after those that it needs."""
 

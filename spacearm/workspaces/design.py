@@ -159,14 +159,16 @@ def workspaces(
         limits: See `workspace`.
         effort: See `workspace`.
         risk_bins: Classes of the risk profile, from the least to the largest distance of each
-            design; no profile if 0. For free-floating spacecraft only.
+            design; no profile if 0. For free-floating spacecraft only. It tells designs apart
+            whose workspaces are path dependent everywhere.
         progress: Called as progress(done, total) after each design.
 
     Returns:
         Labelled arrays over the parameters: `piw` and `reachable` (volumes [m^3], areas [m^2] for
         planar arms), `fraction` (path independent share), `pdw` (shell, bound: radii [m], NaN where
-        there are fewer shells), `risk` (class), `done`. After Ctrl-C the designs done so far are
-        returned; `done` marks them.
+        there are fewer shells), `done`; with `risk_bins` also `risk` (class) and `near_share`
+        (share of all postures within 5 degrees of a singular one, to first order). After Ctrl-C the
+        designs done so far are returned; `done` marks them.
 
     Raises:
         ConfigurationError: A parameter does not exist or has no values.
@@ -198,7 +200,7 @@ def workspaces(
     shape = tuple(len(values) for values in axes.values())
     numbers = {name: np.full(shape, np.nan) for name in ("piw", "reachable", "fraction")}
     done = np.zeros(shape, dtype=bool)
-    risk = np.full((*shape, risk_bins), np.nan)
+    risk, near = np.full((*shape, risk_bins), np.nan), np.full(shape, np.nan)
     radii: dict[tuple[int, ...], np.ndarray] = {}
     options = {} if effort is None else {"effort": effort}
     designs = list(product(*map(range, shape)))
@@ -212,7 +214,8 @@ def workspaces(
             for name, value in found.items():
                 numbers[name][at] = value
             if risk_bins:
-                risk[at] = risk_profile(varied, limits=limits, bins=risk_bins).share
+                profile = risk_profile(varied, limits=limits, bins=risk_bins)
+                risk[at], near[at] = profile.share, profile.overall
             done[at] = True
             if progress:
                 progress(count, len(designs))
@@ -229,6 +232,7 @@ def workspaces(
     data["pdw"] = (*names, "shell", "bound"), pdw, {"units": "m"}
     if risk_bins:
         data["risk"] = (*names, "class"), risk
+        data["near_share"] = names, near, {"units": "1"}
     coords: dict[str, Any] = {"bound": ["least", "largest"]}
     for name, x in axes.items():
         coords[name] = name, x, {"units": unit_of(name)}

@@ -11,7 +11,6 @@ the *path independent workspace* (PIW). Papadopoulos & Dubowsky (1993), section 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal
 
@@ -51,8 +50,6 @@ BEST = 20
 """Number of them, nearest to that distance, from which Newton's method starts."""
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class Region(Result):
     """Kind of a point of the workspace, with singular configurations that reach it.
 
@@ -185,8 +182,6 @@ SMALL = 1e-4
 Kind = Literal["certified", "found", "stopped"]
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class Workspace(Result):
     """Distances R of the tip from the system CM: reachable, path dependent, path independent.
 

@@ -169,6 +169,7 @@ def test_short_help(name):
 def test_the_summary_of_a_command_is_what_its_own_help_begins_with(name):
     _, summary = COMMANDS[name]
     assert " ".join(command(name).help.partition("\n\n")[0].split()) == summary
+    assert len(summary) <= 64  # more is cut off in the list of 80 columns
 
 
 def test_the_help_of_all_commands_imports_none_of_them():

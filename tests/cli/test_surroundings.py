@@ -81,7 +81,7 @@ def test_an_interrupt_before_there_is_anything_to_keep_is_said(monkeypatch, caps
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("spacearm.cli.options.load", interrupted)
+    monkeypatch.setattr("spacearm.load", interrupted)
     monkeypatch.setattr(sys, "argv", ["spacearm", *words])
     with pytest.raises(SystemExit, match="130"):
         main()
@@ -210,7 +210,7 @@ def test_a_run_that_was_stopped_says_how_far_it_came(tmp_path, monkeypatch):
 
         return sa.simulate(*_, **(options | {"progress": tell}))
 
-    monkeypatch.setattr("spacearm.cli.simulations.simulate", interrupted)
+    monkeypatch.setattr("spacearm.simulate", interrupted)
     words = (0.3, 0.9, "--target", 0.3, 0.8, "--controller", "JointPD", "--duration", 50)
     run = spacearm("simulate", "planar2", *words, "--save", "run.npz", cwd=tmp_path)
     assert run.returncode == 130

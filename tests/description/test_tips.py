@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from helpers.arms import LIMIT, frame, joint, link, load_text, random_tree, robot, seeds
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
@@ -537,6 +537,7 @@ def test_names_order_and_units_do_not_matter(tree, seed, length, mass):
 @settings(max_examples=60, deadline=None)
 def test_random_arms_with_grippers_end_in_their_palms(seed, n, gripper):
     """Any chain of at least 2 joints with long links, any gripper behind it."""
+    assume(n > 2 or "as heavy as the arm" not in gripper)  # either could be the arm
     rng = np.random.default_rng(seed)
     parts = [BUS, *arm_of(4)[:2]]
     for i in range(2, n + 1):

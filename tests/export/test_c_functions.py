@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import load_text, random_chain, random_tree
+from helpers.arms import chosen, load_text, random_chain, random_tree
 from helpers.c_compiler import COMPILER, NUMBERS, STRICT, compiled_code
 
 import spacearm as sa
@@ -158,7 +158,7 @@ def test_arms_of_the_catalogue(name, tmp_path):
 
 @compiled_code
 def test_two_tips(tmp_path):
-    arm = load_text(random_tree(7, 5), tip=("link_2", "link_5"), task="x z", joints="all")
+    arm = load_text(random_tree(chosen(7), 5), tip=("link_2", "link_5"), task="x z", joints="all")
     library, q = Library(arm, tmp_path), np.linspace(-1, 1, arm.n)
     J = sa.generalized_jacobian(arm.at(q))
     np.testing.assert_allclose(library.jacobian(q), J, atol=1e-13)

@@ -109,7 +109,7 @@ def random_chain(seed: int | np.random.Generator, n: int, kinds=("revolute", "co
     return robot(*elements)
 
 
-def random_tree(seed: int, n: int) -> str:
+def random_tree(seed: int | np.random.Generator, n: int) -> str:
     """Any movable joints, any branching, a mimic joint now and then; the tip is a random link."""
     rng = np.random.default_rng(seed)
     kinds = ("revolute", "continuous", "prismatic")

@@ -123,7 +123,7 @@ def test_the_spacecraft_rests_in_a_replay_as_long_as_claimed(seed):
     assert turned_along(run, h) < np.radians(0.05)
     least = np.linalg.svd(sa.momentum_matrix(run[len(run) - 1]).A_q[3:], compute_uv=False)
     if found.carrying_ended == "cannot":
-        assert least[2] < 1e-3 * least[0]
+        assert least[2] < 5e-3 * least[0]  # it ends within some 0.01 rad of lost rank
         assert found.carries < 20.0
     else:
         assert (found.carrying_ended, found.carries) == ("horizon", 20.0)

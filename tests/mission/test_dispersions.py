@@ -85,6 +85,17 @@ def test_the_share_is_that_of_a_chi_distribution():
     np.testing.assert_array_equal(found.caught, found.place <= 0.015)
 
 
+@pytest.mark.slow
+def test_slow_computers_lead_more_gently():
+    """Five samples in a second: as exact as the contact asks; a rate beyond stability fails."""
+    slow = sa.Sampling(period=0.2, delay=0.1)
+    found = sa.fly_many(caught(), NONE, runs=1, sampling=slow)
+    assert found.share == 1.0
+    assert found.ended == ("duration",)
+    with pytest.raises(sa.NoSolutionError, match="rate of 8 1/s"):
+        sa.fly_many(caught(), NONE, runs=1, sampling=slow, rate=8.0)
+
+
 def test_the_law_knows_the_planned_masses_only():
     """Torques are those of the arm that was planned with, whatever the arm that is led."""
     arm = sa.load("planar2")

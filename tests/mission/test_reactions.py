@@ -275,9 +275,22 @@ def test_wheels_are_compared_with_what_a_motion_takes():
     assert (weak.wheels[0].torque, weak.wheels[0].capacity) == (1e-3, pytest.approx(1e-3))
 
 
+@pytest.mark.parametrize(("torque", "rate"), [(1e-3, 1e6), (1e3, 0.1)])
+def test_the_pace_that_wheels_allow(torque, rate):
+    """Momentum falls with the speed, torque with its square: one of both is then at its limit."""
+    arm = wheeled(torque, rate)
+    found = sa.reaction(swing(arm, m=50))
+    slow = sa.reaction(swing(arm, m=50, duration=4.0 * found.load.slower)).load
+    share = slow.momentum[0] / arm.wheels[0].capacity, slow.torque[0] / arm.wheels[0].torque
+    assert max(share) == pytest.approx(1.0, rel=1e-6)
+    (said,) = [note for note in found.describe().notes if note.startswith("in ")]
+    assert float(said.split()[1]) == np.ceil(4.0 * found.load.slower)
+
+
 def test_a_load_across_all_axes_is_said():
     arm = load_text(with_wheels("planar2", [1, 0, 0]))
     found = sa.reaction(swing(arm, m=20))
+    assert found.load.slower == np.inf
     assert found.load.across == pytest.approx(1.0)
     assert "across the axes of all wheels" in " ".join(found.describe().notes)
 

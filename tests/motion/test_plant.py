@@ -392,6 +392,34 @@ def test_a_delay_may_be_longer_than_the_period(delay):
     assert not run.torque[run.t < delay - 1e-9].any()
 
 
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_a_sampled_tracking_loop_is_stable_up_to_the_inverse_period(share):
+    """A double integrator whose acceleration is held: as its exact steps, error for error."""
+    arm, T = sa.load("planar2"), 0.2
+    rate, stay = share / T, [0.3, 1.2]
+    law = sa.Tracking(sa.Motion(arm, [0, 1], [stay] * 2, [[0, 0, 0, 0, 0, 0, 1]] * 2), rate)
+    off, dt = np.array([1e-6, -2e-6]), T / 4
+    run = sa.simulate(
+        arm.at(stay + off), law, 10 * T, sampling=sa.Sampling(period=T),
+        integration=sa.Integration(rtol=1e-12, atol=1e-15, dt=dt),
+    )  # fmt: skip
+    gains = np.array([rate**2, 2.0 * rate])
+    step = np.array([[1.0, T], [0.0, 1.0]]) - np.outer([T**2 / 2, T], gains)
+    assert (np.abs(np.linalg.eigvals(step)).max() < 1.0) == (share < 1.0)
+    errors = [np.linalg.matrix_power(step, k)[0, 0] * off for k in range(11)]
+    np.testing.assert_allclose(run.q[::4] - stay, errors, rtol=0, atol=1e-2 * np.abs(off).max())
+
+
+@pytest.mark.parametrize(("period", "delay"), [(0.2, 0.0), (0.2, 0.1), (0.02, 0.2), (0.1, 0.34)])
+def test_the_rate_for_tracking_is_borne_by_period_and_delay(period, delay):
+    """Errors vanish about as fast as the rate says, whatever the two are."""
+    arm, sampling = sa.load("planar2"), sa.Sampling(period=period, delay=delay)
+    stay, rate = [0.3, 1.2], sampling.tracking_rate
+    law = sa.Tracking(sa.Motion(arm, [0, 1], [stay] * 2, [[0, 0, 0, 0, 0, 0, 1]] * 2), rate)
+    run = sa.simulate(arm.at(np.add(stay, 1e-3)), law, 12.0 / rate, sampling=sampling)
+    assert np.abs(run.q[-1] - stay).max() < 1e-3 * 1e-2
+
+
 def test_two_tips_have_a_law_each():
     arm = sa.load("planar2")
     text = robot(

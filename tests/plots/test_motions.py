@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 import spacearm as sa
-from spacearm.plots.motions import FADES, draw_motion
+from spacearm.plots.motions import FADES
 
 
 @pytest.fixture(scope="module")
@@ -13,7 +13,7 @@ def figure():
     arm = sa.load("mda6")
     q = np.radians([0, 60, -100, -50, 30, 0])
     run = sa.simulate(arm.at(q), sa.JointPD(target=q + np.radians(10), kp=20, kd=20), 2.0)
-    figure = draw_motion(run)
+    figure = sa.plot(run)
     figure.canvas.draw()
     return figure
 
@@ -30,7 +30,7 @@ def test_every_singular_posture_of_figure_5_is_marked_and_counted():
     base = pin.SE3(pin.utils.rotate("z", np.radians(21)), np.zeros(3))
     law = sa.TransposedJacobian(target=(1.5, 1.5), kp=(5, 5), kd=(15, 15))
     run = sa.simulate(arm.at(np.radians([-57.936, 60.337]), base=base), law, 30.0)
-    path, *others = draw_motion(run).axes
+    path, *others = sa.plot(run).axes
     (crosses,) = (line for line in path.lines if line.get_marker() == "x")
     count = len(run.singular_times)
     assert count > 3
@@ -51,7 +51,9 @@ def test_the_tip_path_is_drawn_to_scale(figure):
 def test_a_target_in_the_plane_has_two_or_three_components(target):
     arm = sa.load("planar2")
     run = sa.follow(arm.at([0.3, 1.2]), [(1.2, 1.0)])
-    (star,) = (line for line in draw_motion(run, target).axes[0].lines if line.get_marker() == "*")
+    (star,) = (
+        line for line in sa.plot(run, target=target).axes[0].lines if line.get_marker() == "*"
+    )
     np.testing.assert_array_equal(star.get_xydata(), [(1.5, 1.5)])
 
 
@@ -60,7 +62,7 @@ def test_a_motion_that_is_singular_all_the_way():
     q, base = np.outer([0.3, 0.4, 0.5], [1.0, 0.0]), np.tile(np.eye(7)[6], (3, 1))
     run = sa.Motion(arm, [0.0, 1.0, 2.0], q, base, mode="fixed")  # stretched
     assert run.sigma_min.max() < 1e-15
-    figure = draw_motion(run)
+    figure = sa.plot(run)
     (line,) = figure.axes[-1].lines
     assert not line.get_ydata().any()
 
@@ -72,7 +74,7 @@ def test_a_tilted_plane_is_drawn_as_a_flat_one():
         (pin.SE3.Identity(), (1.2, 1.0, 0.0)),
         (tilt, tilt.act(np.array([1.2, 1, 0]))),
     ):
-        figure = draw_motion(sa.follow(arm.at([0.3, 1.2], base=base), [(1.2, 1.0)]), mark)
+        figure = sa.plot(sa.follow(arm.at([0.3, 1.2], base=base), [(1.2, 1.0)]), target=mark)
         path, attitude, *_ = figure.axes
         lines.append([line.get_xydata() for line in (*path.lines, *attitude.lines)])
     for flat, tilted in zip(*lines, strict=True):
@@ -93,7 +95,7 @@ def test_a_target_that_cannot_be_marked(name, target, hint):
     q = np.full(arm.n, 0.3)
     plan = sa.plan(arm.at(q), sa.Joints(q))
     with pytest.raises(sa.ConfigurationError, match=hint):
-        draw_motion(plan, target)
+        sa.plot(plan, target=target)
 
 
 def test_distances_are_in_degrees_up_to_where_they_tell_something(figure):
@@ -105,7 +107,7 @@ def test_distances_are_in_degrees_up_to_where_they_tell_something(figure):
 def test_a_few_postures_are_drawn_where_the_arm_was():
     arm = sa.load("planar2")
     followed = sa.follow(arm.at([0.3, 1.2]), [(1.2, 1.0)])
-    sticks = [line for line in draw_motion(followed).axes[0].lines if len(line.get_xdata()) == 3]
+    sticks = [line for line in sa.plot(followed).axes[0].lines if len(line.get_xdata()) == 3]
     assert len(sticks) == len(FADES)
     for stick, at in ((sticks[0], 0), (sticks[-1], -1)):
         np.testing.assert_allclose(stick.get_xydata()[-1], followed.tip[at, :2], atol=1e-9)

@@ -4,20 +4,21 @@ import json
 
 import numpy as np
 import pytest
-from helpers.arms import load_text, random_chain
+from helpers.arms import chosen, load_text, random_chain
 from helpers.commands import spacearm
 
 import spacearm as sa
 from spacearm.singularities.nearest import distances_found
 from spacearm.viewer.session import Session
 
+KINDS = ("revolute", "prismatic")
 PLACES = {
     "planar2": lambda: sa.load("planar2"),
     "mda6": lambda: sa.load("mda6"),
     "chaser7": lambda: sa.load("chaser7"),
     "two tips": lambda: sa.load("dual_ur5", tip=("left", "right"), task="position"),
     "six joints": lambda: load_text(random_chain(11, 6), tip="tip"),
-    "some slide": lambda: load_text(random_chain(5, 6, ("revolute", "prismatic")), tip="tip"),
+    "some slide": lambda: load_text(random_chain(chosen(5), 6, KINDS), tip="tip"),
     "x y of three": lambda: sa.load("planar3", task="x y"),
 }
 """Arms; those of random chains are in no catalogue."""
@@ -91,9 +92,12 @@ def test_along_a_motion_every_row_has_the_distance_of_its_posture(name):
     ends = rng.uniform(-1.0, 1.0, (2, arm.n)) * np.where(arm.slides, 0.1, 1.0)
     Q = ends[0] + np.linspace(0.0, 1.0, 41)[:, None] ** 2 * (ends[1] - ends[0])
     along = distances_found(arm, "free-floating", Q)
-    each = [sa.singularity(arm.at(q), exact=True) for q in Q[::6]]
-    assert (along[::6] <= np.array([report.distance for report in each]) * (1 + 1e-6)).all()
-    assert (along[::6] >= np.array([report.distance_proven for report in each])).all()
+    each = [sa.singularity(arm.at(q), exact=True) for q in (*Q[::6], Q[-1])]
+    found = np.array([report.distance for report in each])
+    assert (along[[0, -1]] <= found[[0, -1]] * (1 + 1e-6)).all()  # rows that are searched anew
+    if len(arm.tips) == 1:  # with 12 joints a row that is not may be told more
+        assert (along[::6] <= found[:-1] * (1 + 1e-6)).all()
+    assert (along[::6] >= np.array([report.distance_proven for report in each[:-1]])).all()
     steps = np.linalg.norm(np.diff(Q, axis=0) / sa.singularity(arm.at(Q[0])).radian, axis=1)
     assert (np.abs(np.diff(along)) <= steps * (1 + 1e-6)).all()  # no distance changes faster
 

@@ -623,7 +623,7 @@ def test_a_saved_motion_shows_the_values_of_its_time(browser, tmp_path):
     base = np.tile([0, 0, 0, 0, 0, 0, 1.0], (3, 1))
     motion = sa.Motion(arm, np.array([0.0, 1.0, 2.0]), q, base)
     viewer = sa.view(motion, open=False)
-    page = Page(browser, viewer.save(tmp_path / "m.html").as_uri(), width=900, height=700)
+    page = Page(browser, viewer.save(tmp_path / "m.html").as_uri(), width=1300, height=700)
     page.page.wait_for_selector("#motion:not([hidden])")
     assert page.page.is_visible("#away")
     for t, kind in ((0.0, "regular"), (1.0, "singular"), (2.0, "regular")):
@@ -638,6 +638,11 @@ def test_a_saved_motion_shows_the_values_of_its_time(browser, tmp_path):
             page.page.locator(".joint output").nth(1).text_content()
             == f"{np.degrees(cfg.q[1]):.2f}"
         )
+        place = [f"{angle:.1f}°" for angle in np.degrees(cfg.q)]
+        page.page.wait_for_selector(
+            "".join(f'#mapcanvas[aria-valuetext*="{x}"]' for x in place), state="attached"
+        )
+    assert page.errors == []
     assert not page.page.is_visible("#away"), "it is known for the start alone"
     shut(viewer, page)
 

@@ -5,6 +5,7 @@ import contextlib
 import http.client
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -30,6 +31,7 @@ with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     from spacearm.viewer import layers, pictures, stage
     from spacearm.viewer import viewer as pages
+    from spacearm.viewer.readouts import joint_map
     from spacearm.viewer.session import Session
     from spacearm.viewer.shapes import shapes
     from spacearm.viewer.window import DELETE, Key, Outbox
@@ -690,6 +692,23 @@ def test_a_motion_is_saved_with_its_animation():
     text = viewer.html()
     assert '"span": [0.0, 1.0]' in text
     assert b"set_animation" in b"".join(viewer.window.commands())
+
+
+def test_a_saved_page_has_the_maps_of_its_motion(monkeypatch):
+    """One where no other joint moves; along the motion where others do; none of sliding joints."""
+    monkeypatch.setattr(stage, "MOST_MAPS", 3)
+    base = [pin.SE3.Identity()] * 2
+    for arm, times in ((sa.load("planar2"), [0.0]), (sa.load("mda6"), [0.0, 2.0, 4.0])):
+        q = np.array([np.full(arm.n, 0.4), np.full(arm.n, 0.6)])
+        run = sa.Motion.of(SimpleNamespace(arm=arm, t=[0, 4], q=q, base=base))
+        viewer = sa.view(run, open=False)
+        data = json.loads(re.search(r"const DATA = (.*);", viewer.html())[1])
+        assert [there["t"] for there in data["maps"]] == times
+        for there in data["maps"]:
+            assert there == {"t": there["t"], **joint_map(run.at(there["t"]), None)}
+    slides = load_text(robot(*two_links(kind="prismatic")))
+    with pytest.warns(sa.ModelWarning, match="no visuals"):
+        assert '"maps": []' in sa.view(slides.at(np.zeros(slides.n)), open=False).html()
 
 
 @pytest.mark.parametrize(("end", "step"), [(1.01, 1.01 / 31), (1e12, 1e12 / 59)])

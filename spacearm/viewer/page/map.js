@@ -18,6 +18,8 @@ export function createMap(joints, ask, move) {
     byId("mapfold").remove();
     return { show() {}, draw() {} };
   }
+  if (window.innerWidth < 1200) byId("map").toggleAttribute("data-closed", true);
+  byId("mapfold").setAttribute("aria-expanded", String(window.innerWidth >= 1200));
   const canvas = byId("mapcanvas");
   const picks = [byId("map-x"), byId("map-y")];
   const picture = document.createElement("canvas");

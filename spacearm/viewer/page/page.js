@@ -124,8 +124,6 @@ function build(told, { hidden, played: already }) {
     complain("");
     ask({ do: "joint", index, value }, `joint ${index}`);
   });
-  if (window.innerWidth < 1200) byId("map").toggleAttribute("data-closed", true);
-  byId("mapfold").setAttribute("aria-expanded", String(window.innerWidth >= 1200));
   map = createMap(told.joints, ask, (indices, values) => ask({ do: "joints", indices, values }));
   choices = createChoices(told, ask, complain, () => readout);
   grab = createGrab(viewer, told, (pull) => ask({ do: "grab", ...pull }), camera.keep);

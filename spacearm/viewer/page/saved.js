@@ -3,13 +3,14 @@
 import { createCamera } from "./camera.js";
 import { createChart } from "./chart.js";
 import { DEGREE, byId, digits, element, fixed } from "./format.js";
+import { createMap } from "./map.js";
 import { createPlayback } from "./playback.js";
 import { createReadouts, gauge, setKind } from "./readouts.js";
 import { createRecorder } from "./record.js";
 import { createViewer, legend } from "./scene.js";
 import { explainByTouch } from "./touch.js";
 
-function start({ about, readout }, commands) {
+function start({ about, readout, maps }, commands) {
   const viewer = createViewer(byId("scene"));
   for (const text of viewer ? commands : []) {
     viewer.handle_command_bytearray(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)));
@@ -22,7 +23,9 @@ function start({ about, readout }, commands) {
   show(readout);
   list(about.joints, readout.q);
   const film = createRecorder(viewer, about.model);
-  const seek = about.motion ? play(viewer, about, film) : null;
+  const trace = maps.length ? createTrace(about.joints, maps) : () => {};
+  trace(readout.q, maps[0]?.t);
+  const seek = about.motion ? play(viewer, about, film, trace) : null;
   const [, width, height, times] = /^#frames=(\d+),(\d+),([-+.e\d,]+)$/.exec(location.hash) ?? [];
   if (times || location.hash === "#picture") document.body.classList.add("picture");
   const size = { flex: "none", width: `${width}px`, height: `${height}px` };
@@ -59,6 +62,20 @@ function list(joints, q) {
   });
 }
 
+/* The recorded map nearest in time, with the posture in it: to be seen, not to be dragged. */
+function createTrace(joints, maps) {
+  for (const id of ["map", "mapfold"]) byId(id).classList.remove("live");
+  const { draw, show } = createMap(joints, () => {}, () => {});
+  document.querySelectorAll("#map select").forEach((pick) => (pick.disabled = true));
+  const canvas = byId("mapcanvas");
+  if (canvas) Object.assign(canvas, { inert: true, title: "All postures of these two joints." });
+  return (q, t) => {
+    const apart = ({ t: recorded }) => Math.abs(recorded - t);
+    draw({ ...maps.reduce((best, each) => (apart(each) < apart(best) ? each : best)), q });
+    show({ q, spacecraft: maps[0].spacecraft, box: null });
+  };
+}
+
 /* Values between two samples of a curve are on the line between them. */
 function at({ t, curves }, time, name) {
   const curve = curves.find((each) => each.name === name);
@@ -70,7 +87,7 @@ function at({ t, curves }, time, name) {
     (v[i] === null || v[j] === null ? null : (1 - s) * v[i] + s * v[j]));
 }
 
-function play(viewer, { motion, joints, near, tolerance }, film) {
+function play(viewer, { motion, joints, near, tolerance }, film, trace) {
   viewer?.animator.play();
   viewer?.animator.pause();
   let drawTime = () => {};
@@ -89,9 +106,12 @@ function play(viewer, { motion, joints, near, tolerance }, film) {
     document.body.classList.toggle("played", t !== motion.span[0]); // known for the start alone
     const [turning, sliding] = ["joints", "sliding joints"].map((name) => at(motion, t, name));
     const outputs = byId("joints").querySelectorAll("output");
-    joints.forEach(({ angle }, i) => {
-      outputs[i].textContent = angle ? fixed(turning.shift(), 2) : fixed(sliding.shift(), 3);
+    const q = joints.map(({ angle }, i) => {
+      const value = angle ? turning.shift() : sliding.shift();
+      outputs[i].textContent = fixed(value, angle ? 2 : 3);
+      return angle ? value * DEGREE : value;
     });
+    trace(q, t);
   };
   const playback = createPlayback(seek);
   const chart = createChart(playback.seek);
