@@ -14,7 +14,7 @@ from helpers.sweeps import STUDY
 
 import spacearm as sa
 from spacearm.arrays import plain
-from spacearm.cli.output import print_result
+from spacearm.cli.output import print_description, print_json
 from spacearm.plots.report_page import Section
 from spacearm.results import (
     Column,
@@ -259,7 +259,7 @@ def test_every_result_is_described():
             assert said.verdict or said.tables, name
             assert "<table>" in thing._repr_html_(), name
             assert repr(thing).startswith(type(thing).__name__), name
-            print_result(thing)
+            print_description(thing.describe())
 
 
 def test_a_class_without_a_description_is_not_made():
@@ -368,7 +368,7 @@ def test_a_description_is_all_that_a_new_result_class_needs(capsys):
     assert slosh.to_dict() == {"arm": "planar2", "t": [0.0, 0.5], "turn": slosh.turn.tolist()}
     assert_plain(slosh.describe().to_dict())
 
-    print_result(slosh, deg=True)
+    print_description(slosh.describe(), deg=True)
     assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == [
         "planar2: the fuel <stays> in its tank",
         "a made-up result",
@@ -381,7 +381,7 @@ def test_a_description_is_all_that_a_new_result_class_needs(capsys):
         "splash  0.5",
         "Not checked: vapour.",
     ]
-    print_result(slosh, as_json=True)
+    print_json(slosh.to_dict())
     assert json.loads(capsys.readouterr().out) == slosh.to_dict()
 
     assert [head for head, *_ in cells(slosh)] == ["time [s]", "0.00", "0.50", "event", "splash"]

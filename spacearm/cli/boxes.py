@@ -9,7 +9,7 @@ import numpy as np
 import spacearm as sa
 from spacearm.arrays import Array
 from spacearm.cli import options as opt
-from spacearm.cli.output import answer, kept, out, print_description, print_result, working
+from spacearm.cli.output import Answer, answer, kept, out, print_description, working
 from spacearm.files import write
 from spacearm.results import Description, Table, joint_measures
 from spacearm.singularities.box_graph import MOST, SHARE
@@ -56,7 +56,7 @@ def find_box(
             mode=mode.value,
             progress=progress,
         )
-    print_result(box, deg=deg, as_json=as_json)
+    answer(arm, Answer(box), "", deg=deg, as_json=as_json)
     for path in (save and box.save(save), urdf and arm.limited(box.ranges).to_urdf(urdf)):
         if path and not as_json:
             out.print(f"wrote {path}")
@@ -111,7 +111,7 @@ def cover_by_boxes(
     written = [found.save(keep)] if keep else []
     rows = found.path(*ends) if ends else None
     told = {} if rows is None else {"way": rows.tolist()}
-    answer(arm, found, "boxes", deg=deg, as_json=as_json, output=output, told=told)
+    answer(arm, Answer(found, told=told), "boxes", deg=deg, as_json=as_json, output=output)
     if rows is not None and not as_json:
         postures = {f"posture {i}": joint_measures(x, arm.slides) for i, x in enumerate(rows, 1)}
         table = Table.by_columns({"joint": arm.joint_names, **postures})

@@ -11,7 +11,7 @@ import typer
 
 import spacearm as sa
 from spacearm.cli import options as opt
-from spacearm.cli.output import answer, out, working
+from spacearm.cli.output import out, working
 from spacearm.cli.questions import (
     With,
     constraints_of,
@@ -26,7 +26,7 @@ from spacearm.mission.attitudes import MARGIN
 from spacearm.singularities.risk import NEAR
 
 
-@opt.on_a_model
+@opt.answering("attitudes", "view")
 def find_attitudes(
     arm: sa.SpaceArm,
     corner: list[str],
@@ -36,11 +36,8 @@ def find_attitudes(
     samples: int | None = None,
     no_limits: opt.NoLimits = False,
     more: With = None,
-    output: opt.Picture = None,
-    view: opt.View = False,
     deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> None:
+) -> sa.FeasibleAttitudes:
     """Find the attitudes from which the tip can follow a path.
 
     With joint values, a posture near the start of the path, from that branch of postures; else
@@ -58,7 +55,7 @@ def find_attitudes(
     anywhere = not q and "q" not in asked.inner("start").values
     start = start_of(arm, asked, [0.0] * arm.n if anywhere else q, attitude, deg)
     with working("trying attitudes") as progress:
-        found = sa.feasible_attitudes(
+        return sa.feasible_attitudes(
             start,
             [opt.goal_from(arm, "--corner", text, deg) for text in corner],
             all_branches=anywhere,
@@ -68,10 +65,9 @@ def find_attitudes(
             progress=progress,
             **asked.some(*told),
         )
-    answer(arm, found, "attitudes", deg=deg, as_json=as_json, output=output, view=view)
 
 
-@opt.on_a_model
+@opt.answering("catch", "save", "view")
 def find_catch(
     arm: sa.SpaceArm,
     target: Path,
@@ -80,12 +76,8 @@ def find_catch(
     grapple: str | None = None,
     attitude: opt.Attitude = None,
     more: With = None,
-    output: opt.Picture = None,
-    save: opt.Save = None,
-    view: opt.View = False,
     deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> None:
+) -> sa.Catch:
     """Find when and how the arm catches a tumbling target.
 
     The tip has the target's velocity at contact; then the joints brake both.
@@ -104,7 +96,7 @@ def find_catch(
     start = start_of(arm, asked, q, attitude, deg)
     early, late = opt.numbers("--window", window, 2).tolist()
     with working("trying contacts", searches=True) as progress:
-        found = sa.catch(
+        return sa.catch(
             start,
             target_of(target),
             grapple,
@@ -113,18 +105,10 @@ def find_catch(
             search=search_of(asked.inner("search"), progress),
             **asked.some(*told),
         )
-    answer(arm, found, "catch", deg=deg, as_json=as_json, save=save, output=output, view=view)
 
 
-@opt.on_a_model
-def identify_held(
-    arm: sa.SpaceArm,
-    motion: Path,
-    noise: str | None = None,
-    output: opt.Picture = None,
-    deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> None:
+@opt.answering("identified")
+def identify_held(arm: sa.SpaceArm, motion: Path, noise: str | None = None) -> sa.Identified:
     """Identify what the hand holds from measured rates.
 
     Its mass, CM and inertia follow from the momentum that is kept.
@@ -144,19 +128,11 @@ def identify_held(
     else:
         measured = sa.Motion.load(motion, arm)
     sizes = None if noise is None else opt.numbers("--noise", noise, 3)
-    found = sa.identify(measured, arm, dq=dq, twist=twist, noise=sizes)
-    answer(arm, found, "identified", deg=deg, as_json=as_json, output=output)
+    return sa.identify(measured, arm, dq=dq, twist=twist, noise=sizes)
 
 
-@opt.on_a_model
-def report_reaction(
-    arm: sa.SpaceArm,
-    motion: Path,
-    camera: str | None = None,
-    output: opt.Picture = None,
-    deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> None:
+@opt.answering("reaction")
+def report_reaction(arm: sa.SpaceArm, motion: Path, camera: str | None = None) -> sa.Reaction:
     """Report what a motion does to the spacecraft and its wheels.
 
     Loads of wheels are those that hold the attitude.
@@ -167,11 +143,10 @@ def report_reaction(
     """
     sight = None if camera is None else opt.numbers("--camera", camera, 3)
     with working("computing reactions") as progress:
-        found = sa.reaction(sa.Motion.load(motion, arm), camera=sight, progress=progress)
-    answer(arm, found, "reaction", deg=deg, as_json=as_json, output=output)
+        return sa.reaction(sa.Motion.load(motion, arm), camera=sight, progress=progress)
 
 
-@opt.on_a_model
+@opt.answering("wheels")
 def size_wheels_of(
     arm: sa.SpaceArm,
     tip_speed: float | None = None,
@@ -179,10 +154,8 @@ def size_wheels_of(
     samples: Annotated[int, typer.Option(min=1)] = 2000,
     near: float | None = None,
     seed: int = 0,
-    output: opt.Picture = None,
     deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> None:
+) -> sa.WheelSizing:
     """Compute how much momentum wheels need to hold the attitude.
 
     The arm moves meanwhile, by a motion or at a tip speed.
@@ -195,7 +168,7 @@ def size_wheels_of(
         seed: Seed of the postures.
     """
     with working("sizing wheels") as progress:
-        found = sa.size_wheels(
+        return sa.size_wheels(
             arm,
             [sa.Motion.load(path, arm) for path in motion] if motion else None,
             tip_speed=tip_speed,
@@ -204,7 +177,6 @@ def size_wheels_of(
             seed=seed,
             progress=progress,
         )
-    answer(arm, found, "wheels", deg=deg, as_json=as_json, output=output)
 
 
 @opt.on_a_model

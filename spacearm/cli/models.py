@@ -9,12 +9,7 @@ import typer
 
 import spacearm as sa
 from spacearm.cli import options as opt
-from spacearm.cli.output import (
-    out,
-    print_description,
-    print_json,
-    print_result,
-)
+from spacearm.cli.output import out, print_description, print_json
 from spacearm.results import Cell, Column, Description, Table
 
 
@@ -59,14 +54,10 @@ def _masses(name: str) -> dict[str, float]:
     return {"spacecraft_mass": spacecraft, "arm_mass": arm.mass - spacecraft}
 
 
-@opt.on_a_model
-def describe_model(
-    arm: sa.SpaceArm,
-    deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> None:
+@opt.answering()
+def describe_model(arm: sa.SpaceArm) -> sa.SpaceArm:
     """Show bodies, masses, joints, limits, tip and task of a robot."""
-    print_result(arm, deg=deg, as_json=as_json)
+    return arm
 
 
 @opt.on_a_model

@@ -18,6 +18,7 @@ import typer
 
 import spacearm as sa
 from spacearm.arrays import Array
+from spacearm.cli.output import Answer, answer
 from spacearm.cli.wording import NUMBER
 from spacearm.description.bodies import Joint
 from spacearm.description.model_catalogue import assembled, find_arm, find_model, models_by_name
@@ -103,6 +104,14 @@ NoLimits = Annotated[bool, typer.Option("--no-limits", help="Ignore joint limits
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON: SI units, radians.")]
 
 
+TOLD = {
+    name: inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+    for name, kind, default in (
+        ("output", Picture, None), ("save", Save, None), ("view", View, False),
+        ("deg", bool, False), ("as_json", AsJson, False),
+    )
+}  # fmt: skip
+"""The options by which an answer is told, as parameters of a command."""
 Written = Annotated[Path | None, typer.Option(callback=to_write)]
 ENTRY = re.compile(r"^ {4}(\w+)(?: \((.+?)\))?: (.+(?:\n {8}.+)*)", re.MULTILINE)
 
@@ -287,6 +296,34 @@ def on_a_model(command: Callable[..., T]) -> Callable[..., T]:
     signature = inspect.Signature([p.replace(kind=keyword) for p in parameters.values()])
     run.__dict__["__signature__"] = signature
     return run
+
+
+def answering(kind: str = "", *options: str) -> Callable[[Callable[..., Any]], Callable[..., int]]:
+    """Give a command that returns its result, or an `Answer`, the options of `answer`.
+
+    It is told those that it declares itself.
+
+    Args:
+        kind: As in `answer`; if empty there is no --output.
+        *options: Which there are besides --deg and --json: "save", "view".
+    """
+    names = [*["output"] * bool(kind), *options, "deg", "as_json"]
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., int]:
+        own = dict(inspect.signature(documented(command)).parameters)
+
+        def run(arm: sa.SpaceArm, **given: Any) -> int:
+            found = command(arm, **{name: x for name, x in given.items() if name in own})
+            found = found if isinstance(found, Answer) else Answer(found)
+            answer(arm, found, kind, **{name: given[name] for name in names})
+            return found.code
+
+        run.__doc__, run.__module__, run.__name__ = command.__doc__, __name__, command.__name__
+        added = {name: TOLD[name] for name in names if name not in own}
+        run.__dict__["__signature__"] = inspect.Signature([*(own | added).values()])
+        return on_a_model(run)
+
+    return decorate
 
 
 def assignments(option: str, texts: list[str] | None) -> dict[str, float]:

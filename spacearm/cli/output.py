@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -147,9 +148,30 @@ def _so_far(task: Task, since: float, searches: bool) -> str:
     return f"{percentage:.0f} %, about {took * (100.0 / percentage - 1.0):.0f} s left"
 
 
+@dataclass(frozen=True)
+class Answer:
+    """What a command answers.
+
+    Attributes:
+        result: The result, which has a description.
+        code: Exit code.
+        drawn: Returns the options of `plot`; called if a picture is drawn.
+        told: Fields that JSON has besides.
+        thing: What is drawn and shown; the result if None.
+        drawing: Whether there is a picture where no option names one.
+    """
+
+    result: Any
+    code: int = 0
+    drawn: Callable[[], Mapping[str, Any]] = dict
+    told: Mapping[str, Any] = field(default_factory=dict)
+    thing: Any = None
+    drawing: bool = True
+
+
 def answer(
     arm: SpaceArm,
-    result: Any,
+    found: Answer,
     kind: str,
     *,
     deg: bool = False,
@@ -157,41 +179,33 @@ def answer(
     save: Path | None = None,
     output: Path | None = None,
     view: bool = False,
-    drawing: bool = True,
-    drawn: Callable[[], Mapping[str, Any]] = dict,
-    told: Mapping[str, Any] | None = None,
-    thing: Any = None,
 ) -> None:
     """Give the answer of a command: print it, save it, draw it and show it in the browser.
 
     Args:
         arm: The arm that it is about, whose name the picture has.
-        result: The answer.
-        kind: What it is, for the name of the picture.
+        found: The answer.
+        kind: What it is, for the name of the picture; empty if it has none.
         deg: Whether angles are printed in degrees.
         as_json: Whether to print JSON; then a picture is drawn only if `output` names it.
         save: Where the motion goes.
         output: Where the picture goes; else where `picture_path` says.
         view: Whether to show it in the browser; then a picture is drawn only if `output` names it.
-        drawing: Whether there is a picture where `output` names none.
-        drawn: Returns the options of `plot`; called if a picture is drawn.
-        told: Fields that JSON has besides.
-        thing: What is drawn and shown; the answer if None.
     """
-    thing = result if thing is None else thing
+    result, thing = found.result, found.result if found.thing is None else found.thing
     if save:
         result.save(save)
     if as_json:
-        print_json(result.to_dict() | (told or {}))
+        print_json(result.to_dict() | dict(found.told))
     else:
         print_description(result.describe(), deg)
         if save:
             out.print(f"wrote {save}")
-    if output or (drawing and not (as_json or view)):
+    if kind and (output or (found.drawing and not (as_json or view))):
         from spacearm.plots.show import plot  # imports matplotlib
 
         where = picture_path(output, arm.name, kind)
-        write_picture(where, plot(thing, **drawn()))
+        write_picture(where, plot(thing, **found.drawn()))
         if not as_json:
             out.print(f"wrote {where}")
     if view:
@@ -245,20 +259,6 @@ def write_picture(path: Path, figure: Figure) -> None:
     buffer = BytesIO()
     figure.savefig(buffer, format=path.suffix[1:].lower(), metadata={})
     write(path, buffer.getvalue())
-
-
-def print_result(result: Any, *, deg: bool = False, as_json: bool = False) -> None:
-    """Print a result: as JSON, or what its description holds.
-
-    Args:
-        result: The result.
-        deg: Whether angles are printed in degrees; JSON has radians.
-        as_json: Whether to print JSON.
-    """
-    if as_json:
-        print_json(result.to_dict())
-    else:
-        print_description(result.describe(), deg)
 
 
 def print_description(said: Description, deg: bool = False) -> None:

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import typer
 
 import spacearm as sa
 from spacearm.arrays import Array
 from spacearm.cli import options as opt
-from spacearm.cli.output import answer, err, working
+from spacearm.cli.output import Answer, err, working
 from spacearm.cli.questions import (
     With,
     constraints_of,
@@ -41,7 +42,7 @@ KEYS = ("start", "goal", "final_attitude", "duration", "origin", "constraints", 
 def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Callable[..., int]:
     """Return the command that asks `plan` or `detumble`, whose questions differ in a few keys."""
 
-    @opt.on_a_model
+    @opt.answering("plan", "save", "view")
     def run(
         arm: sa.SpaceArm,
         q: opt.JointValues = None,
@@ -50,12 +51,9 @@ def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Ca
         attitude: opt.Attitude = None,
         fastest: bool = False,
         more: With = None,
-        output: opt.Picture = None,
         save: opt.Save = None,
-        view: opt.View = False,
         deg: bool = False,
-        as_json: opt.AsJson = False,
-    ) -> int:
+    ) -> Answer:
         """Plan.
 
         Options:
@@ -95,7 +93,7 @@ def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Ca
             if isinstance(error, sa.NoSolutionError):
                 raise
             err.print(f"spacearm: stopped: {in_own_words(str(error))}")
-            return INTERRUPTED
+            raise typer.Exit(INTERRUPTED) from None
 
         def drawn() -> dict[str, Any]:
             point = not isinstance(target, dict | sa.Joints)
@@ -104,11 +102,7 @@ def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Ca
                 "workspace": _shells(arm),
             }
 
-        answer(
-            arm, found, "plan", deg=deg, as_json=as_json, save=save, output=output, view=view,
-            drawn=drawn,
-        )  # fmt: skip
-        return 0
+        return Answer(found, drawn=drawn)
 
     run.__doc__ = summary
     return run
@@ -177,19 +171,15 @@ detumble_motion = _command(
 )
 
 
-@opt.on_a_model
+@opt.answering("follow", "save", "view")
 def follow_path(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
     path: Path | None = None,
     attitude: opt.Attitude = None,
     more: With = None,
-    output: opt.Picture = None,
-    save: opt.Save = None,
-    view: opt.View = False,
     deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> int:
+) -> Answer:
     """Lead the tip along a path from a CSV file.
 
     The path has times, or is followed at a constant speed.
@@ -209,8 +199,7 @@ def follow_path(
     times, corners = _corners(arm, path, deg)
     with working("following") as progress:
         found = sa.follow(start, corners, times=times, progress=progress, **asked.some(*FOLLOWED))
-    answer(arm, found, "follow", deg=deg, as_json=as_json, save=save, output=output, view=view)
-    return 0 if found.arrived else STOPPED
+    return Answer(found, 0 if found.arrived else STOPPED)
 
 
 def _corners(arm: sa.SpaceArm, path: Path, deg: bool) -> tuple[Array | None, list[Goal]]:

@@ -15,13 +15,12 @@ import spacearm as sa
 from spacearm.arrays import Array, plain
 from spacearm.cli import options as opt
 from spacearm.cli.output import (
-    answer,
+    Answer,
     err,
     kept,
     out,
     print_description,
     print_json,
-    print_result,
     working,
 )
 from spacearm.errors import listed
@@ -46,7 +45,7 @@ Fail = Annotated[
 ]
 
 
-@opt.on_a_model
+@opt.answering()
 def report_singularity(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
@@ -63,8 +62,7 @@ def report_singularity(
     first_order: bool = False,
     fail_on_singular: Fail = False,
     deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> int:
+) -> Answer:
     """Report whether a posture is singular, and what is lost there.
 
     Options:
@@ -79,19 +77,17 @@ def report_singularity(
             exact=not first_order,
             progress=told,
         )
-    print_result(report, deg=deg, as_json=as_json)
-    return SINGULAR if fail_on_singular and report.kind != "regular" else 0
+    return Answer(report, SINGULAR if fail_on_singular and report.kind != "regular" else 0)
 
 
-@opt.on_a_model
+@opt.answering()
 def find_nearest(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
     mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
     limits: bool = False,
     deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> None:
+) -> Any:
     """Find the singular posture nearest to a posture.
 
     Options:
@@ -99,10 +95,9 @@ def find_nearest(
     """
     start = opt.joint_values(arm, q or [], deg)
     with working("searching") as progress:
-        found = sa.singular_set(arm, mode=mode.value).nearest(
+        return sa.singular_set(arm, mode=mode.value).nearest(
             start, limits=limits, progress=progress
         )
-    print_result(found, deg=deg, as_json=as_json)
 
 
 @opt.on_a_model
@@ -176,8 +171,6 @@ def _described(
 
 def _postures(arm: sa.SpaceArm, file: Path, deg: bool) -> Array:
     """Read the joint positions (m, n) of a path."""
-    if file.suffix == ".npz":
-        return sa.Motion.load(file, arm).q
     names, Q = opt.table_of(file, str(file))
     sought = {*arm.joint_names, *(f"q{j}" for j in range(1, arm.n + 1))}
     joints = [joint_name(arm, name) for name in names if name in sought]
@@ -191,17 +184,15 @@ def _postures(arm: sa.SpaceArm, file: Path, deg: bool) -> Array:
     return np.where(arm.slides, Q, np.radians(Q)) if deg else Q
 
 
-@opt.on_a_model
+@opt.answering("map")
 def draw_singular_map(
     arm: sa.SpaceArm,
     axes: tuple[str, str] | None = None,
     fix: list[str] | None = None,
-    output: opt.Picture = None,
     npz: opt.Written = None,
     points: Annotated[int, typer.Option(min=3, max=2001)] = 181,
     deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> int:
+) -> Answer:
     """Map the distance to the singular set over two joints.
 
     Exact singular curves are drawn on top. Ctrl-C keeps what there is.
@@ -221,8 +212,7 @@ def draw_singular_map(
     )
     if npz:
         _write_npz(npz, result)
-    answer(arm, result, "map", deg=deg, as_json=as_json, output=output, drawing=not npz)
-    return code
+    return Answer(result, code, drawing=not npz)
 
 
 def _write_npz(path: Path, result: sa.SingularMap) -> None:
@@ -249,7 +239,7 @@ class Brakes(str, Enum):
     BRAKED = "braked"
 
 
-@opt.on_a_model
+@opt.answering()
 def compute_capture(
     arm: sa.SpaceArm,
     mass: float,
@@ -265,8 +255,7 @@ def compute_capture(
     brakes: Annotated[Brakes, typer.Option("--joints-are")] = Brakes.FREE,
     attitude: opt.Attitude = None,
     deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> None:
+) -> sa.Capture:
     """Compute the velocities just after the hand grasps a body.
 
     The tip is at rest; the body moves and spins.
@@ -284,8 +273,7 @@ def compute_capture(
     if inertia is None and any(spin):
         err.print("spacearm: note: a point mass does not spin; --inertia gives the target moments")
     turning = np.radians(spin) if deg else np.array(spin)
-    found = sa.capture(
+    return sa.capture(
         cfg, np.concatenate((velocity, turning)), mass,
         None if inertia is None else np.diag(inertia), com, joints=brakes.value,
     )  # fmt: skip
-    print_result(found, deg=deg, as_json=as_json)

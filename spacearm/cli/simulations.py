@@ -12,7 +12,7 @@ import typer
 
 import spacearm as sa
 from spacearm.cli import options as opt
-from spacearm.cli.output import answer, out, print_json, say_stopped, working
+from spacearm.cli.output import Answer, answer, out, print_json, say_stopped, working
 from spacearm.cli.questions import With, controller_of, question, start_of
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.motion.controllers import LAWS, TipLaw
@@ -98,8 +98,8 @@ def simulate_motion(
         return {"target": opt.mark_of(run[-1], laws.goal(0.0))} if isinstance(laws, TipLaw) else {}
 
     answer(
-        arm, run, "simulation", deg=deg, as_json=as_json, save=save, output=output, view=view,
-        drawn=drawn,
+        arm, Answer(run, drawn=drawn), "simulation", deg=deg, as_json=as_json, save=save,
+        output=output, view=view,
     )  # fmt: skip
     return _ended(run, f"{run.t[-1]:.4g} of {seconds:g} s simulated")
 
@@ -120,7 +120,8 @@ def _fly(
     for i, run in enumerate(flight.phases):
         if save:
             run.save(save.with_stem(f"{save.stem}_{i}"))
-    answer(start.arm, flight, "simulation", deg=deg, as_json=as_json, output=output, view=view)
+    told = Answer(flight)
+    answer(start.arm, told, "simulation", deg=deg, as_json=as_json, output=output, view=view)
     return _ended(flight, f"{len(flight.phases)} of {len(phases)} phases simulated")
 
 

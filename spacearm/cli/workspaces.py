@@ -12,7 +12,7 @@ import typer
 import spacearm as sa
 from spacearm.arrays import Array, plain
 from spacearm.cli import options as opt
-from spacearm.cli.output import answer, err, kept, say_stopped, working
+from spacearm.cli.output import Answer, err, kept, say_stopped, working
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.results import Column, Described, Description, Table
 from spacearm.workspaces.design import unit_of, workspaces
@@ -36,7 +36,7 @@ Effort = Annotated[
 ]
 
 
-@opt.on_a_model
+@opt.answering("workspace", "view")
 def compute_workspace(
     arm: sa.SpaceArm,
     mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
@@ -44,11 +44,8 @@ def compute_workspace(
     effort: Effort = None,
     seed: int = 0,
     free: bool = False,
-    output: opt.Picture = None,
     path: Path | None = None,
-    view: opt.View = False,
-    as_json: opt.AsJson = False,
-) -> int:
+) -> Answer:
     """Compute the path dependent and path independent workspaces.
 
     Ctrl-C keeps what there is.
@@ -81,13 +78,10 @@ def compute_workspace(
                 "profile": result.profile(progress=progress) if floats else None,
             }
 
-    answer(
-        arm, result, "workspace", as_json=as_json, output=output, view=view, drawn=drawn, told=told
-    )
-    return code
+    return Answer(result, code, drawn, told)
 
 
-@opt.on_a_model
+@opt.answering("risk")
 def compute_risk(
     arm: sa.SpaceArm,
     limits: opt.Limits = False,
@@ -95,10 +89,8 @@ def compute_risk(
     bins: Annotated[int, typer.Option(min=1)] = 20,
     samples: Annotated[int, typer.Option(min=1)] = 200_000,
     seed: int = 0,
-    output: opt.Picture = None,
     deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> int:
+) -> Answer:
     """Estimate how many postures are near a singularity.
 
     Postures are counted by the tip's distance from the system CM. Ctrl-C keeps what there is.
@@ -117,11 +109,10 @@ def compute_risk(
             seed=seed, progress=progress,
         ),
     )  # fmt: skip
-    answer(arm, profile, "risk", deg=deg, as_json=as_json, output=output)
-    return code
+    return Answer(profile, code)
 
 
-@opt.on_a_model
+@opt.answering("design")
 def sweep_designs(
     arm: sa.SpaceArm,
     vary: list[str],
@@ -129,9 +120,7 @@ def sweep_designs(
     limits: opt.Limits = False,
     effort: Effort = None,
     risk: bool = False,
-    output: opt.Picture = None,
-    as_json: opt.AsJson = False,
-) -> int:
+) -> Answer:
     """Compare designs: masses, lengths, the mounting point.
 
     They are compared by the path independent share of the workspace. Ctrl-C keeps what is done.
@@ -150,11 +139,10 @@ def sweep_designs(
             arm, grid, mode=mode.value, limits=limits, effort=effort, risk_bins=int(risk),
             progress=progress,
         )  # fmt: skip
-    answer(arm, Designs(result, grid), "design", as_json=as_json, output=output, thing=result)
-    if (done := int(result["done"].sum())) < result["done"].size:
-        say_stopped(f"{done} of {result['done'].size} designs done")
-        return INTERRUPTED
-    return 0
+    done, of = int(result["done"].sum()), result["done"].size
+    if done < of:
+        say_stopped(f"{done} of {of} designs done")
+    return Answer(Designs(result, grid), INTERRUPTED if done < of else 0, thing=result)
 
 
 class Designs(Described):

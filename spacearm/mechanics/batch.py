@@ -476,7 +476,14 @@ def columns_seen(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
 
 
 def tips_from_centre(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
-    """Compute the tip (m, 3) from the system CM, or a fixed spacecraft's own, at Q (m, n) [m]."""
+    """Compute the tip (m, 3) from the system CM, or a fixed spacecraft's own, at Q (m, n) [m].
+
+    In spacecraft axes.
+
+    Raises:
+        UnsupportedError: The arm has several tips.
+    """
+    arm.require_one_tip()
     if len(Q) and not worth_compiling(len(Q), SINGLY):
         return _tips_from_centre_singly(arm, Q, mode)
     found: Array = evaluated(arm, mode, measures.tip_from_centre, {"q": Q})

@@ -20,10 +20,10 @@ from spacearm.mission.rotations import (
     attitudes,
     cells,
     children,
-    evenly_spread,
     nearest_of,
     spacing,
 )
+from spacearm.model.frames import evenly_spread
 from spacearm.motion import leading
 from spacearm.motion.leading import PathTable, Settings, lead_all
 

@@ -20,8 +20,9 @@ from spacearm.arrays import Array, Progress, finite, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mission.attitudes import sound_margin, turning_axis
-from spacearm.mission.rotations import angle_between, evenly_spread
+from spacearm.mission.rotations import angle_between
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
+from spacearm.model.frames import evenly_spread
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import as_goal
 from spacearm.motion.leading import Led, PathTable, Settings, lead_all

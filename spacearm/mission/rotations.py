@@ -84,11 +84,3 @@ def angle_between(a: Array, b: Array) -> Any:
     """Return the angle of rotation (...) between attitudes (..., 4) [rad]."""
     apart = np.minimum(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
     return angle(apart)
-
-
-def evenly_spread(m: int) -> Array:
-    """Return unit vectors (m, 3), evenly spread by the golden angle."""
-    z = 1.0 - (2.0 * np.arange(m) + 1.0) / m
-    around = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(m)
-    r = np.sqrt(1.0 - z * z)
-    return np.stack((r * np.cos(around), r * np.sin(around), z), axis=1)

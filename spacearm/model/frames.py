@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, finite, plain, shape_of
+from spacearm.arrays import LARGEST, Array, finite, plain, shape_of
 from spacearm.errors import ConfigurationError
 from spacearm.signatures import checked
 
@@ -83,3 +83,11 @@ def sound_pose(pose: PoseLike, what: str) -> pin.SE3:
 @plain.register(pin.SE3)
 def _(pose: pin.SE3) -> list[float]:
     return pin.SE3ToXYZQUAT(pose).tolist()
+
+
+def evenly_spread(m: int) -> Array:
+    """Return unit vectors (m, 3), evenly spread by the golden angle."""
+    z = 1.0 - (2.0 * np.arange(m) + 1.0) / m
+    around = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(m)
+    r = np.sqrt(1.0 - z * z)
+    return np.stack((r * np.cos(around), r * np.sin(around), z), axis=1)

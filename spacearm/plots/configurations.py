@@ -70,7 +70,7 @@ def draw_configuration(
 
 
 @draws(Held, HeldReport)
-def draw_held(result: Held | HeldReport, *, ax: Any = None) -> Figure:
+def draw_held(result: Held | HeldReport, ax: Any) -> Any:
     """Draw the arms and what they hold.
 
     Args:
@@ -84,7 +84,7 @@ def draw_held(result: Held | HeldReport, *, ax: Any = None) -> Figure:
         draw_target(axes, result.target, _rows(cfg) if in_plane(cfg) else (0, 1, 2))
     draw_posture(axes, cfg)
     entitle(axes, result.describe().headline)
-    return axes.figure
+    return axes
 
 
 @draws(SpaceArm)

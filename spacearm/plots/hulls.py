@@ -19,6 +19,7 @@ from spacearm.description.shapes import Box, Shape, faces
 from spacearm.errors import ModelError, warn
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.frames import evenly_spread
 from spacearm.plots.style import GREEN, PURPLE
 
 GOLD = "#d9b25f"
@@ -207,11 +208,7 @@ def _outermost(points: Array) -> Array:
     """Return the corners (m, 3) of points that stand out in any of many directions."""
     if len(points) <= MOST_CORNERS:
         return np.resize(points, (max(len(points), 4), 3)) if len(points) else points
-    i = np.arange(MOST_CORNERS - 6)
-    height, around = 1.0 - (2.0 * i + 1.0) / len(i), i * np.pi * (3.0 - np.sqrt(5.0))
-    out = np.sqrt(1.0 - height**2)
-    sphere = np.column_stack((out * np.cos(around), out * np.sin(around), height))
-    directions = np.vstack((sphere, np.eye(3), -np.eye(3)))
+    directions = np.vstack((evenly_spread(MOST_CORNERS - 6), np.eye(3), -np.eye(3)))
     return points[np.unique(np.argmax(points @ directions.T, axis=0))]
 
 

@@ -9,6 +9,7 @@ from matplotlib.patches import Annulus, Circle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
+from spacearm.mechanics.batch import tips_from_centre
 from spacearm.plots.style import (
     BLUE,
     GREEN,
@@ -21,7 +22,6 @@ from spacearm.plots.style import (
     entitle,
     panels_for,
 )
-from spacearm.singularities.polynomials import tips_from_centre
 from spacearm.singularities.risk import PoseRisk, RiskProfile, nearness
 from spacearm.uncertainty.identification import NAMES, Identified
 from spacearm.uncertainty.robust import DistanceRange, ShellBands

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import comb, factorial
+from math import factorial
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import PPoly
+from scipy.interpolate import BPoly, PPoly
 
 from spacearm.arrays import Array
 
@@ -56,12 +56,7 @@ def of_spline(spline: PPoly, off: float) -> Array:
 
 def _bernstein(spline: PPoly) -> Array:
     """Return the Bernstein coefficients (m, d + 1, n) of a piecewise polynomial."""
-    d, length = len(spline.c) - 1, np.diff(spline.x)
-    powers = np.array([spline.c[d - i] * length[:, None] ** i for i in range(d + 1)])
-    basis = np.array(
-        [[comb(i, j) / comb(d, j) if j <= i else 0.0 for j in range(d + 1)] for i in range(d + 1)]
-    )
-    return np.einsum("ij,jmn->min", basis, powers)
+    return np.moveaxis(BPoly.from_power_basis(spline).c, 0, 1)
 
 
 def to_chord(points: Array, start: Array, end: Array) -> Array:

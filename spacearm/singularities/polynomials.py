@@ -31,6 +31,7 @@ import numpy.typing as npt
 from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
 from spacearm.mechanics import batch
+from spacearm.mechanics.batch import tips_from_centre
 from spacearm.mechanics.jacobian import plane_of_motion, probes, task_jacobian
 from spacearm.model.arguments import BaseMode, require_possible
 from spacearm.model.arm import SpaceArm
@@ -207,15 +208,6 @@ def distances(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
     R = np.linalg.norm(tips_from_centre(arm, Q, mode), axis=1)
     R[ROUNDING * np.sqrt(radius_squared(arm, mode=mode).scale) > R] = 0.0
     return R
-
-
-def tips_from_centre(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
-    """Compute the tip (m, 3) relative to the system CM at configurations (m, n).
-
-    In spacecraft axes [m]; relative to the spacecraft's own CM if it is fixed.
-    """
-    arm.require_one_tip()
-    return batch.tips_from_centre(arm, np.asarray(Q, dtype=np.float64), mode)
 
 
 def check_square(arm: SpaceArm, so: str = "") -> None:

@@ -113,9 +113,9 @@ class Identified(Result, kw_only=True):
         at, axes = body.toDynamicParameters(), np.linalg.eigh(self.inertia)[1]
 
         def told(parameters: Array) -> Array:
-            m, c = parameters[0], parameters[1:4] / parameters[0]
-            about = _matrix(parameters) - m * (c @ c * np.eye(3) - np.outer(c, c))
-            return np.concatenate(([m], c, np.einsum("ji,jk,ki->i", axes, about, axes)))
+            other = pin.Inertia.FromDynamicParameters(parameters)
+            moments = np.einsum("ji,jk,ki->i", axes, other.inertia, axes)
+            return np.concatenate(([other.mass], other.lever, moments))
 
         steps = 1e-6 * np.diag(self.sizes)
         rates = [(told(at + step) - told(at - step)) / (2.0 * step.max()) for step in steps]
@@ -283,10 +283,10 @@ class _Data(NamedTuple):
         wheels = getattr(motion, "wheels", np.zeros((len(cfgs), len(arm.wheels))))
         G, K, V, v = [], [], [], []
         for cfg, rates, moved in zip(cfgs, dq, twist, strict=True):
-            R, turned = cfg.base.rotation, np.kron(np.eye(2), cfg.tip.rotation)
-            G.append(_shift(cfg.com - about) @ cfg.A)
-            K.append(_shift(cfg.tip.translation - about) @ turned)
-            V.append(turned.T @ cfg.J)
+            R, hand = cfg.base.rotation, cfg.tip.rotation
+            G.append(pin.SE3(np.eye(3), cfg.com - about).toDualActionMatrix() @ cfg.A)
+            K.append(pin.SE3(hand, cfg.tip.translation - about).toDualActionMatrix())
+            V.append(np.kron(np.eye(2), hand.T) @ cfg.J)
             v.append(np.concatenate((moved[:3] @ R, moved[3:] @ R, rates)))
         stored = [
             cfg.with_wheels(held).stored if arm.wheels else np.zeros(6)
@@ -375,7 +375,8 @@ def _possible(x: Array, s: Array, axes: Array, known: Array, size: Array) -> pin
         known: (10,) which of them the motion excited.
         size: (10,) sizes of the parameters.
     """
-    if known.all() and np.linalg.eigvalsh(_pseudo(x * size)).min() > 0.0:
+    pseudo = pin.PseudoInertia.FromDynamicParameters(x * size).toMatrix()
+    if known.all() and np.linalg.eigvalsh(pseudo).min() > 0.0:
         return pin.Inertia.FromDynamicParameters(x * size)
     mass = max(float(axes[known].T[0] @ (axes[known] @ x)), BALL**2)
     ball = np.array([mass, 0, 0, 0, *(mass * BALL**2 * np.array([1, 0, 1, 0, 0, 1]))])
@@ -388,7 +389,7 @@ def _possible(x: Array, s: Array, axes: Array, known: Array, size: Array) -> pin
     def off(theta: Array) -> Array:
         return weights * (axes @ np.array(body(theta).toDynamicParameters()) - wanted)
 
-    start = _log_cholesky(_pseudo(ball))
+    start = np.append(0.5 * np.log([mass, *[0.5 * BALL**2] * 3]), np.zeros(6))  # the ball
     theta = least_squares(off, start, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14).x
     found = np.array(body(theta).toDynamicParameters()) * size
     return pin.Inertia.FromDynamicParameters(found)
@@ -397,38 +398,9 @@ def _possible(x: Array, s: Array, axes: Array, known: Array, size: Array) -> pin
 def spatial(parameters: Array) -> Array:
     """Return M (6, 6) of the ten parameters; see the module."""
     m, h = parameters[0], pin.skew(parameters[1:4])
-    return np.block([[m * np.eye(3), -h], [h, _matrix(parameters)]])
-
-
-def _matrix(parameters: Array) -> Array:
-    """Return the inertia (3, 3) about the tip's origin."""
     xx, xy, yy, xz, yz, zz = parameters[4:]
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def _pseudo(parameters: Array) -> Array:
-    """Return the pseudo-inertia (4, 4), which is positive definite of bodies that can exist."""
-    I = _matrix(parameters)
-    P = np.empty((4, 4))
-    P[:3, :3] = 0.5 * np.trace(I) * np.eye(3) - I
-    P[:3, 3] = P[3, :3] = parameters[1:4]
-    P[3, 3] = parameters[0]
-    return P
-
-
-def _log_cholesky(P: Array) -> Array:
-    """Return the parameters (10,) of a pseudo-inertia, as `pin.LogCholeskyParameters` has them."""
-    turned = np.linalg.cholesky(P[::-1, ::-1])[::-1, ::-1]  # upper triangular: P = U U^T
-    U = turned / turned[3, 3]
-    d = np.log(U.diagonal()[:3])
-    return np.array([np.log(turned[3, 3]), *d, U[0, 1], U[1, 2], U[0, 2], *U[:3, 3]])
-
-
-def _shift(lever: Array) -> Array:
-    """Return the map (6, 6) of momentum about a point to that about one farther by -lever."""
-    moved = np.eye(6)
-    moved[3:, :3] = pin.skew(lever)
-    return moved
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return np.block([[m * np.eye(3), -h], [h, inertia]])
 
 
 def _twists(motion: Motion) -> Array:

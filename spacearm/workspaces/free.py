@@ -12,11 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
+from spacearm.mechanics.batch import tips_from_centre
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
+from spacearm.model.frames import evenly_spread
 from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.trig import TrigPolynomial
-from spacearm.singularities.polynomials import tips_from_centre
 from spacearm.singularities.sets import singular_set
 from spacearm.workspaces.extent import Box
 from spacearm.workspaces.shells import merged
@@ -155,12 +156,9 @@ def _sharpened(reach: Reach, edges: Array, middles: Array, free: list[bool], wid
 
 
 def _directions(dimension: int) -> Array:
-    """Return directions (m, d), even on the circle or on a Fibonacci spiral of the sphere."""
+    """Return directions (m, d), evenly spread on the circle or the sphere."""
     m = DIRECTIONS[dimension]
-    i = np.arange(m) + 0.5
-    if dimension == 2:
-        angle = 2.0 * np.pi * i / m
-        return np.stack((np.cos(angle), np.sin(angle)), axis=1)
-    z, angle = 1.0 - 2.0 * i / m, np.pi * (1.0 + 5.0**0.5) * i
-    r = np.sqrt(1.0 - z * z)
-    return np.stack((r * np.cos(angle), r * np.sin(angle), z), axis=1)
+    if dimension == 3:
+        return evenly_spread(m)
+    angle = 2.0 * np.pi * (np.arange(m) + 0.5) / m
+    return np.stack((np.cos(angle), np.sin(angle)), axis=1)

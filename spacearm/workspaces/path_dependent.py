@@ -20,13 +20,14 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, generator, plain, shape_of, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
+from spacearm.mechanics.batch import tips_from_centre
 from spacearm.model.arguments import FLOATING, BaseMode, require_possible
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.newton import meeting
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
 from spacearm.signatures import checked
 from spacearm.singularities.exact_set import ExactSet
-from spacearm.singularities.polynomials import radius_squared, tips_from_centre
+from spacearm.singularities.polynomials import radius_squared
 from spacearm.singularities.risk import RiskProfile, risk_profile
 from spacearm.workspaces.extent import Box, largest_distance_within
 from spacearm.workspaces.free import free_workspace
