@@ -8,7 +8,6 @@ same derivatives as those of free hands, taken along the joint motions that keep
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -34,7 +33,6 @@ from spacearm.results import (
     joint_measures,
     without_noise,
 )
-from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle, nearness
 from spacearm.singularities.report import FAR, singularity
 from spacearm.singularities.rounding import error_bars
@@ -49,8 +47,6 @@ THERE, SETTLED = 1e-8, 1e-6
 """Distance from the set at which a posture is singular, and the last step [rad]."""
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class HeldReport(Result):
     """What the hands can do to what they hold, from `Held.report`.
 

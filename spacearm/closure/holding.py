@@ -6,7 +6,7 @@ Closed from a rough start; asked whether the closed chain is singular, and how i
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
@@ -32,8 +32,6 @@ POSTURES = 20
 """Random postures from which closure is tried where the start leads to none."""
 
 
-@checked
-@dataclass(frozen=True, eq=False, repr=False)
 class Held(Result):
     """A posture in which the tips of an arm hold one target or the fixed world, from `sa.hold`.
 
