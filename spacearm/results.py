@@ -212,9 +212,15 @@ class Result(Described):
             if isinstance(value, np.ndarray):
                 value.flags.writeable = False
 
+    @property
+    def not_checked(self) -> str:
+        """What the answer does not cover; empty if there is nothing to say."""
+        return ""
+
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain JSON data: arrays as nested lists, an arm as its name."""
-        return {self.JSON.get(f.name, f.name): plain(getattr(self, f.name)) for f in fields(self)}
+        told = {self.JSON.get(f.name, f.name): plain(getattr(self, f.name)) for f in fields(self)}
+        return told | {"not_checked": self.not_checked}
 
 
 def short_names(names: Sequence[str]) -> list[str]:

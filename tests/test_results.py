@@ -349,6 +349,8 @@ class Slosh(Result):
     t: np.ndarray
     turn: np.ndarray
 
+    not_checked = "vapour"
+
     def describe(self):
         rows = list(zip(self.t, self.turn, strict=True))
         return Description(
@@ -358,14 +360,15 @@ class Slosh(Result):
             notes=["a made-up result"],
             tables=[Table((Column("time", "s", ".2f"), Column("turn of the fuel", "rad")), rows)],
             events=Table(("event", Column("time", "s")), [("splash", 0.5)]),
-            not_checked="vapour",
+            not_checked=self.not_checked,
         )
 
 
 def test_a_description_is_all_that_a_new_result_class_needs(capsys):
     slosh = Slosh(arm(), np.array([0.0, 0.5]), np.radians([10.0, 20.0]))
     assert repr(slosh) == "Slosh(planar2: the fuel <stays> in its tank)"
-    assert slosh.to_dict() == {"arm": "planar2", "t": [0.0, 0.5], "turn": slosh.turn.tolist()}
+    told = {"arm": "planar2", "t": [0.0, 0.5], "turn": slosh.turn.tolist()}
+    assert slosh.to_dict() == told | {"not_checked": "vapour"}
     assert_plain(slosh.describe().to_dict())
 
     print_description(slosh.describe(), deg=True)

@@ -440,5 +440,5 @@ def _number(word: str | float) -> float:
     try:
         return float(word)
     except ValueError:
-        kind = "option" if str(word).startswith("--") else "number"
+        kind = "option" if re.match(r"--?[A-Za-z]", str(word)) else "number"
         raise sa.ConfigurationError(f"{word!r} is no {kind} of this command; see --help") from None

@@ -33,6 +33,8 @@ MOST_BODIES = 1_000
 """Shapes of an arm whose collisions are checked: pairs grow as the square of their number."""
 CLOSE = 1e-4
 """Distance below which bodies count as touching, as a share of the arm's reach."""
+LEFT_OUT = "NOT checked: "
+"""Begins what a check of collisions leaves out."""
 NOWHERE: Mapping[int, pin.SE3] = {}
 
 
@@ -106,8 +108,13 @@ class Bodies:
             f"by their collision geometry {listed(self.by_collision)}" * bool(self.by_collision),
             f"by their visuals {listed(self.by_visual)}" * bool(self.by_visual),
         ]
-        missed = f"; NOT checked, without shapes: {listed(self.without)}" * bool(self.without)
+        missed = f"; {LEFT_OUT}{without_shapes(self.without)}" * bool(self.without)
         return f"collisions checked: {', '.join(filter(None, ways))}{missed}"
+
+
+def without_shapes(links: Collection[str]) -> str:
+    """Return in words which links have no usable shapes; empty if there are none."""
+    return f"links without shapes: {listed(links)}" * bool(links)
 
 
 def extent(pose: pin.SE3, shape: coal.CollisionGeometry) -> float:

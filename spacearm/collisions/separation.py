@@ -16,7 +16,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.collisions.bodies import Geometry, own_pairs
+from spacearm.collisions.bodies import LEFT_OUT, Geometry, own_pairs, without_shapes
 from spacearm.collisions.obstacles import Obstacle, ObstacleLike, obstacles_of
 from spacearm.collisions.swept_motion import (
     Floating,
@@ -299,12 +299,17 @@ class CollisionReport(Result):
     unchecked: tuple[str, ...]
 
     @property
+    def not_checked(self) -> str:
+        """The links that the verdict leaves out, in words; empty if there are none."""
+        return without_shapes(self.unchecked)
+
+    @property
     def story(self) -> str:
         """The verdict in one sentence."""
         if self.contact is not None:
             return str(self.contact)
         a, b = self.nearest
-        left = f"; NOT checked, without shapes: {listed(self.unchecked)}" * bool(self.unchecked)
+        left = f"; {LEFT_OUT}{self.not_checked}" * bool(self.unchecked)
         bodies = "bodies with shapes" if self.unchecked else "bodies"
         near = f"{a!r} comes nearest, to {self.distance.min():.4g} m of {b!r}"
         return f"no {bodies} meet, proven; {near}{left}"

@@ -30,7 +30,6 @@ PIECE, INTERVAL = 4, 30
 """Columns of the tables of `at_length`."""
 FADING = 0.3
 """As in `mechanics.distance`."""
-FIRST_STEP = 0.02
 LEAST_STEP = 1e-11
 """Shorter steps are not made: where no longer one is accurate, the arm is at a singularity."""
 LANDED = 1e-12
@@ -60,8 +59,8 @@ class How(NamedTuple):
         margin: Distance to the singular set that ends the motion [rad].
         tolerance: Error of a step in each component of the state.
         stride: Longest step, along the curve in (q, s).
-        least_stride: Steps reach half as far as the limits, or as the distance is from `care`, but
-            need not be shorter than this.
+        least_stride: The first step. Others reach half as far as joint limits or the largest
+            turn, or as the distance is from `care`, but need not be shorter than this.
         care: Distance to the singular set whose crossing matters [rad].
         spacing: States are met at multiples of this length, too; inf if they need not be.
     """
@@ -175,7 +174,9 @@ def lead(
         signed = xp.where(sign * sense < 0.0, -d, d) if square else d
         after = judged(seen, y, arc, signed, arrived)
         some = xp.where(error > 1e-12, error, 1e-12)
-        room = xp.minimum(xp.absolute(d - c.care), xp.absolute(after.last[0, 4]))
+        *_, tilt, slack = after.last[0]
+        room = xp.minimum(xp.absolute(d - c.care), xp.absolute(slack))
+        room = xp.minimum(room, xp.absolute(c.most_tilt - tilt))
         longer = xp.minimum(h * xp.minimum(5.0, 0.9 * some**-0.2), c.stride)
         longer = xp.minimum(longer, xp.maximum(c.least_stride, 0.5 * room))
         shorter = h * xp.where(error < np.inf, xp.maximum(0.2, 0.9 / xp.sqrt(xp.sqrt(some))), 0.2)
@@ -189,7 +190,7 @@ def lead(
         met = xp.where(made & met, 1.0, 0.0)
         return *found, xp.concatenate([xp.stack([met]), y[:n]])
 
-    start = (y, k, first + zero, FIRST_STEP + zero, zero, c.spacing + zero, zero)
+    start = (y, k, first + zero, c.least_stride + zero, zero, c.spacing + zero, zero)
     found = [*xp.while_any(step, *start, *seen, most=most, keep=keep)]
     rows = [found.pop()] if keep else []
     y, turns, noted = found[0], found[6], found[7:]
@@ -306,16 +307,14 @@ def judge(xp: Any, seen: Seen, now: tuple[Any, Any, Any, Any, Any], arrived: Any
     lost = (least <= 0.0) | ~xp.less_equal(d, d)
     ended = xp.where(arrived, float(ARRIVED), float(RUNNING))
     share: Any = 1.0
-    for number, slack, slack_before in (
-        (TILTED, c.most_tilt - tilt, c.most_tilt - before[3]),
-        (LIMIT, room, before[4]),
-        (MARGIN, d - c.margin, before[2] - c.margin),
+    for number, slack in (
+        (TILTED, c.most_tilt - last[:, 3]),
+        (LIMIT, last[:, 4]),
+        (MARGIN, last[:, 2] - c.margin),
     ):
-        there = slack <= 0.0 if number == MARGIN else slack < 0.0
+        there = slack[0] <= 0.0 if number == MARGIN else slack[0] < 0.0
         ended = xp.where(there, float(number), ended)
-        falls = (slack_before > 0.0) & (slack_before < np.inf)
-        crossing = xp.where(falls, slack_before / (slack_before - slack), 0.0)
-        share = xp.where(there, crossing, share)
+        share = xp.where(there, _crossing(xp, last[:, 1], slack), share)
     ended, share = xp.where(lost, float(SINGULAR), ended), xp.where(lost, 1.0, share)
     on_way = xp.where(before[1] < np.inf, before[1] + share * (s - before[1]), 0.0)
     s = xp.where(share < 1.0, on_way, s)
@@ -323,6 +322,24 @@ def judge(xp: Any, seen: Seen, now: tuple[Any, Any, Any, Any, Any], arrived: Any
         ended, xp.maximum(seen.s, s), xp.where(lost, 0.0, least), where,
         xp.minimum(seen.slack, room), xp.maximum(seen.tilt, tilt), last,
     )  # fmt: skip
+
+
+def _crossing(xp: Any, s: Any, slack: Any) -> Any:
+    """Return the share of the last step at which a slack falls to zero.
+
+    By the line through the last two states, or earlier by the inverse parabola through three.
+
+    Args:
+        xp: The array library.
+        s: (3,) lengths of path, the last one first.
+        slack: (3,) slack there.
+    """
+    now, before, first = slack
+    line = xp.where((before > 0.0) & (before < np.inf), before / (before - now), 0.0)
+    back = (s[2] - s[1]) / (s[0] - s[1]) * now / ((first - now) * (first - before))
+    curved = before * (back + first / ((before - now) * (first - now)))
+    known = (before > 0.0) & (first > before) & (first < np.inf) & (curved > 0.0)
+    return xp.where(known & (curved < line), curved, line)
 
 
 def _bottom(xp: Any, last: Any, least: Any, where: Any) -> tuple[Any, Any]:

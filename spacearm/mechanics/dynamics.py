@@ -77,6 +77,8 @@ class Dynamics(Result):
     reaction: Array
     twist: Array
 
+    not_checked = "limits of joints and torques, collisions"
+
     def describe(self) -> Description:
         """Describe accelerations, torques and the wrench that holds the spacecraft."""
         slides = self.arm.slides
@@ -100,7 +102,7 @@ class Dynamics(Result):
             title=f"{self.arm.name}, dynamics of one state",
             notes=["inertial axes"],
             tables=[Table.by_columns(columns), Table.facts(facts, "Spacecraft")],
-            not_checked="limits of joints and torques, collisions",
+            not_checked=self.not_checked,
         )
 
 
@@ -404,6 +406,8 @@ class Capture(Result):
             for link, frame in frames.items()
         }
 
+    not_checked = "forces of the contact, limits of the motors, collisions"
+
     def describe(self) -> Description:
         """Describe the velocities, the momentum and the impulse of the grasp."""
         cfg, angular = self.configuration, self.twist[3:]
@@ -423,6 +427,7 @@ class Capture(Result):
             verdict=f"{self.energy_lost:.6g} J lost, the spacecraft turns at {turn:.3g}°/s",
             notes=["inertial axes; a plastic impact"],
             tables=[Table.facts(facts)],
+            not_checked=self.not_checked,
         )
 
 

@@ -224,7 +224,10 @@ class FeasibleAttitudes(Result):
         return {self.JSON.get(name, name): plain(value) for name, value in data.items()} | {
             "feasible_share": self.share,
             "standard_error": self.error,
+            "not_checked": self.not_checked,
         }
+
+    not_checked = "collisions; whether the arm comes to the start's posture"
 
     def describe(self) -> Description:
         """Describe the share, how attempts ended, the best attitude and the largest ball."""
@@ -239,6 +242,7 @@ class FeasibleAttitudes(Result):
                 f"the attitudes, joint limits {'count' if self.limits else 'do not count'}"
             ],
             tables=[Table(("ended", "attitudes tried"), ends)],
+            not_checked=self.not_checked,
         )
         if self.ball is None:
             return said
@@ -254,8 +258,7 @@ class FeasibleAttitudes(Result):
         if self.intervals is not None:
             columns = (Column("from", "rad", ".5f"), Column("to", "rad", ".5f"))
             tables.insert(1, Table(columns, self.intervals.tolist(), "Feasible"))
-        skipped = "collisions; whether the arm comes to the start's posture"
-        return replace(said, tables=tables, not_checked=skipped)
+        return replace(said, tables=tables)
 
     def _verdict(self) -> str:
         if self.ball is None:

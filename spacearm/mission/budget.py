@@ -102,6 +102,8 @@ class MomentumBudget(Result):
             "takes the momentum away: that takes thrusters, or wheels with this momentum."
         )
 
+    not_checked = "collisions, joint rates"
+
     def describe(self) -> Description:
         """Describe what the momentum does, and how long the arm can make up for it."""
         arm = self.configuration.arm
@@ -118,7 +120,12 @@ class MomentumBudget(Result):
             "spacecraft at rest for": Measure(self.carries, "s"),
             "spacecraft at rest until": self.carrying_ended,
         }
-        return Description(title=arm.name, verdict=self.verdict, tables=[Table.facts(facts)])
+        return Description(
+            title=arm.name,
+            verdict=self.verdict,
+            tables=[Table.facts(facts)],
+            not_checked=self.not_checked,
+        )
 
 
 @checked

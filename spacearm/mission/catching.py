@@ -185,6 +185,15 @@ class Catch(Result, kw_only=True):
         end = self.brake[-1].with_momentum(self.momentum)
         return spacecraft_twist(end, np.zeros(self.arm.n))[3:]
 
+    @property
+    def not_checked(self) -> str:
+        """What the answer does not cover: of collisions, and of the forces."""
+        before = f"{self.plan.not_checked}; " * bool(self.plan.not_checked)
+        return (
+            f"{before}torques up to the stand-off; sensors and forces of the contact itself; "
+            "collisions while the arm is braked with the target in its hand"
+        )
+
     def describe(self) -> Description:
         """Describe when and where it catches, with what margins, and what was tried."""
         rates = np.linalg.norm(self.twist_error[:3]), np.linalg.norm(self.twist_error[3:])
@@ -213,8 +222,7 @@ class Catch(Result, kw_only=True):
             tone="good",
             notes=[self.plan.checked],
             tables=[Table.facts(facts), Table(columns, rows, "Tried")],
-            not_checked="torques up to the stand-off; sensors and forces of the contact itself; "
-            "collisions while the arm is braked with the target in its hand",
+            not_checked=self.not_checked,
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -237,6 +245,7 @@ class Catch(Result, kw_only=True):
             "momentum": self.momentum,
             "tumble": self.tumble,
             "contacts": self.tried,
+            "not_checked": self.not_checked,
             "t": way.t,
             "q": way.q,
             "base": way.base,

@@ -148,6 +148,11 @@ class CatchRuns(Result, kw_only=True):
         found = binomtest(int(np.sum(self.caught)), len(self.caught)).proportion_ci(0.95)
         return float(found.low), float(found.high)
 
+    not_checked = (
+        "collisions; looks at the target after its first estimate; forces of the contact itself; "
+        "limits of the motors, unless the plant has them"
+    )
+
     def describe(self) -> Description:
         """Describe the share, the misses by kind, and what the caught ones do."""
         m, low, high = len(self.caught), *self.interval
@@ -175,8 +180,7 @@ class CatchRuns(Result, kw_only=True):
             verdict=f"{self.share:.1%} caught ({low:.1%} to {high:.1%} with 95 % confidence)",
             tone="good" if low >= 0.5 else "caution",
             tables=tables,
-            not_checked="collisions; looks at the target after its first estimate; forces of the "
-            "contact itself; limits of the motors, unless the plant has them",
+            not_checked=self.not_checked,
         )
 
     def to_dict(self) -> dict[str, Any]:

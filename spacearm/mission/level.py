@@ -37,7 +37,7 @@ MOST = {2: 60, 3: 12}
 """Most cells from the tip's start to the border of what is searched."""
 STATES = 2
 """States that are kept of each cell: the spacecraft's attitude there depends on the way."""
-FOLLOWING = Settings(tolerance=1e-8, stride=0.01)
+FOLLOWING = Settings(tolerance=1e-8, stride=0.01, least_stride=1e-3)
 """How accurately lines are followed."""
 
 Integers = npt.NDArray[np.int64]
@@ -127,6 +127,8 @@ class LevelReach(Result):
         goals = [as_goal(cfg, pose) for pose in poses]
         return follow(cfg, goals, limits=self.limits)
 
+    not_checked = "collisions"
+
     def describe(self) -> Description:
         """Describe how far straight and broken lines lead the tip."""
         unit, reach = "m³" if self.axis is None else "m²", self.straight
@@ -142,6 +144,7 @@ class LevelReach(Result):
             title=f"{self.arm.name}, turned by at most {np.degrees(self.tilt):.3g}°",
             verdict=f"straight lines from {reach.min():.4g} to {reach.max():.4g} m",
             tables=[Table.facts(facts)],
+            not_checked=self.not_checked,
         )
 
 
@@ -175,6 +178,8 @@ class LevelEnvelope(Result):
     followed: Array
     same_density: bool
 
+    not_checked = "collisions"
+
     def describe(self) -> Description:
         """Describe the turn of the bus and the reach of the tip, by the mass of the bus."""
         pairs = zip(self.turn, self.base_mass, strict=True)
@@ -192,6 +197,7 @@ class LevelEnvelope(Result):
             title=self.arm.name,
             verdict=f"{self.travel:g} m of the tip turn the bus by {turns}",
             tables=[Table.by_columns(columns)],
+            not_checked=self.not_checked,
         )
 
 

@@ -340,6 +340,11 @@ class Motion(Result):
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.arm.label}, {self.story}, {len(self)} samples)"
 
+    @property
+    def not_checked(self) -> str:
+        """What the answer does not cover."""
+        return "collisions"
+
     def describe(self) -> Description:
         """Describe the joints on the way, and spacecraft, tips and singularity at both ends."""
         arm, q = self.arm, self.q
@@ -358,6 +363,7 @@ class Motion(Result):
                 Table(("", "start", "end"), ends, "Spacecraft and tip"),
                 *tables,
             ],
+            not_checked=self.not_checked,
         )
 
     def _held(self) -> tuple[list[str], list[Table]]:

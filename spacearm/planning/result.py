@@ -12,6 +12,7 @@ import pinocchio as pin
 from scipy.interpolate import BSpline, PPoly
 
 from spacearm.arrays import Array, plain, read_only
+from spacearm.collisions.bodies import LEFT_OUT
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.swept_motion import Floating, Flown, SweptMotion
 from spacearm.errors import NoSolutionError
@@ -271,14 +272,20 @@ class Plan(Motion, kw_only=True):
     @property
     def story(self) -> str:
         """The method that found the plan, its joint travel and its duration, in one line."""
-        way = f"{self.method}: {self.travel}, {self.t[-1]:.3g} s"
-        return f"{way}{self._unchecked}" if self.apart else f"{way}, collisions NOT checked"
+        return f"{self.method}: {self.travel}, {self.t[-1]:.3g} s{self._left_out}"
 
     @property
-    def _unchecked(self) -> str:
-        """What a check of collisions left out, after a semicolon; empty if nothing."""
-        _, semicolon, left = self.checked.partition("; ")
-        return semicolon + left
+    def not_checked(self) -> str:
+        """What the check of collisions left out; empty if nothing."""
+        if not self.apart:
+            return "collisions"
+        left = [part for part in self.checked.split("; ") if part.startswith(LEFT_OUT)]
+        return "".join(left).removeprefix(LEFT_OUT)
+
+    @property
+    def _left_out(self) -> str:
+        """What was not checked, as the end of a sentence."""
+        return f"; {LEFT_OUT}{self.not_checked}" * bool(self.not_checked)
 
     @property
     def momentum_on_board(self) -> Array:
@@ -302,8 +309,8 @@ class Plan(Motion, kw_only=True):
         motion = super().describe()
         met = {True: "none, proven", False: "not proven", None: "not checked"}
         apart = met[self.apart]
-        if self.apart and self._unchecked:
-            apart = f"none between the bodies checked, proven{self._unchecked}"
+        if self.apart and self.not_checked:
+            apart = f"none between the bodies checked, proven{self._left_out}"
         proof = None if self.certificate is None else bool(self.certificate)
         facts: dict[str, Cell] = {
             "singularities": met[proof],
@@ -323,7 +330,7 @@ class Plan(Motion, kw_only=True):
         tried = [(a.method, "arrives" if a.arrived else "fails", a.story) for a in self.tried]
         return replace(
             motion,
-            verdict=f"planned by {self.method}: {self.travel}, {self.t[-1]:.4g} s{self._unchecked}",
+            verdict=f"planned by {self.method}: {self.travel}, {self.t[-1]:.4g} s{self._left_out}",
             notes=[
                 *motion.notes,
                 self.checked,
@@ -413,6 +420,8 @@ class Connection(Result):
     path: Array = field(default_factory=lambda: np.empty((0, 0)))
     certificate: Certificate | None = None
 
+    not_checked = "collisions"
+
     def describe(self) -> Description:
         """Describe the answer and how it is known."""
         proven = {"yes": "yes, by a path that is proven free", "no": "no, proven"}
@@ -426,5 +435,5 @@ class Connection(Result):
             title=f"{self.arm.name}: connected without a singularity",
             verdict=proven.get(self.answer, self.answer),
             tables=[Table.facts(facts)],
-            not_checked="collisions",
+            not_checked=self.not_checked,
         )

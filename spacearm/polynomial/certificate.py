@@ -153,6 +153,8 @@ class Certificate(Result):
     def __bool__(self) -> bool:
         return self.free
 
+    not_checked = "collisions, rates, the way of the tip"
+
     def describe(self) -> Description:
         """Describe what is proven, and where the proof ends if it does."""
         facts: dict[str, Cell] = {}
@@ -167,7 +169,7 @@ class Certificate(Result):
             verdict=WORDS[self.verdict],
             tone="good" if self.free else "bad",
             tables=[Table.facts(facts)],
-            not_checked="collisions, rates, the way of the tip",
+            not_checked=self.not_checked,
         )
 
 

@@ -99,6 +99,8 @@ class ServoStep(Result):
             where += f"; slowed by {listed(list(self.slowed))}"
         return f"{where}; {self.done:.0%} of the wished motion is done"
 
+    not_checked = "collisions"
+
     def describe(self) -> Description:
         """Describe rates, the nearest singular posture, and what slows the motion."""
         slides = self.arm.slides
@@ -121,7 +123,7 @@ class ServoStep(Result):
             verdict=self.verdict,
             tone="bad" if self.halted else "caution" if self.slowed else "good",
             tables=[joints, Table.facts(facts)],
-            not_checked="collisions",
+            not_checked=self.not_checked,
         )
 
 

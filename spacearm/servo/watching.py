@@ -75,6 +75,8 @@ class Watched(Result):
         said = f"{self.level}: a singular posture found {angle(self.distance)} away"
         return said + (f", to stop in {self.ahead:.1f} s at this rate" if self.ahead < 1e3 else "")
 
+    not_checked = "collisions, joint limits"
+
     def describe(self) -> Description:
         """Describe the posture, and how fast which singular posture comes nearer."""
         slides = self.arm.slides
@@ -91,7 +93,7 @@ class Watched(Result):
             verdict=self.verdict,
             tone=TONES[self.level],
             tables=[Table.by_columns(columns), Table.facts(facts)],
-            not_checked="collisions, joint limits",
+            not_checked=self.not_checked,
         )
 
 

@@ -268,9 +268,12 @@ class FreeBoxes(Result):
             "upper": self.cells.high[0].tolist(),
             "boxes": len(self.boxes),
             "covered_share": self.share,
+            "not_checked": self.not_checked,
             "endless": [self.arm.joint_names[j] for j in self.endless],
             "part_shares": self.part_shares.tolist(),
         }
+
+    not_checked = "collisions; whether parts are connected by what is not covered"
 
     def describe(self) -> Description:
         """Describe how much is covered, and by which connected parts."""
@@ -289,7 +292,7 @@ class FreeBoxes(Result):
             tone="good",
             tables=[Table.by_columns(columns, f"The largest {len(shares)} parts")]
             * bool(len(shares)),
-            not_checked="collisions; whether parts are connected by what is not covered",
+            not_checked=self.not_checked,
         )
 
 

@@ -164,6 +164,8 @@ class FreeBox(Result):
         ]
         return write(Path(path), ("\n".join(lines) + "\n").encode())
 
+    not_checked = "collisions, rates, whether another box has more volume"
+
     def describe(self) -> Description:
         """Describe the ranges, and what stops each side."""
         slides, names = self.arm.slides, self.arm.joint_names
@@ -195,7 +197,7 @@ class FreeBox(Result):
                 *[f"{open_} sides may go on: the proof ended there."] * bool(open_),
             ],
             tables=tables,
-            not_checked="collisions, rates, whether another box has more volume",
+            not_checked=self.not_checked,
         )
 
     @property

@@ -54,6 +54,8 @@ class SingularMap(Result):
 
     JSON: ClassVar[Mapping[str, str]] = {"unit": "sigma_unit"}
 
+    not_checked = "postures between those of the grid, collisions"
+
     def describe(self) -> Description:
         """Describe the grid, the joints that are held and how near the set comes."""
         facts: dict[str, Cell] = {
@@ -71,6 +73,7 @@ class SingularMap(Result):
             title=self.arm,
             verdict=f"{self.joints[0]} x {self.joints[1]}, {len(self.angles)} points each",
             tables=[Table.facts(facts)],
+            not_checked=self.not_checked,
         )
 
 

@@ -111,6 +111,8 @@ class NearestSingular(Result):
 
     JSON: ClassVar[Mapping[str, str]] = {"q": "nearest", "start": "q"}
 
+    not_checked = "collisions"
+
     def describe(self) -> Description:
         """Describe the configuration, and what is proven of the distance."""
         slides = self.arm.slides
@@ -125,6 +127,7 @@ class NearestSingular(Result):
                 payload_note(self.arm, self.mode),
             ],
             tables=[Table.by_columns(columns)],
+            not_checked=self.not_checked,
         )
 
 

@@ -178,6 +178,8 @@ class SingularityReport(Result):
             f"condition={self.condition:.6g})"
         )
 
+    not_checked = "joint limits of the singular posture, collisions"
+
     def describe(self) -> Description:
         """Describe posture, tip, directions and the joint motions that leave the tip at rest."""
         arm, k = self.configuration.arm, len(self.sigma)
@@ -199,6 +201,7 @@ class SingularityReport(Result):
             tone=TONES[self.kind],
             notes=notes,
             tables=tables,
+            not_checked=self.not_checked,
         )
 
     def _posture(self) -> Table:

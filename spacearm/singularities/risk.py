@@ -59,6 +59,8 @@ class RiskProfile(Result):
         """(bins,) middles of the classes [m]."""
         return 0.5 * (self.edges[:-1] + self.edges[1:])
 
+    not_checked = "collisions"
+
     @property
     def overall(self) -> float:
         """Share of the configurations of all classes near a singularity."""
@@ -82,6 +84,7 @@ class RiskProfile(Result):
             verdict=verdict,
             notes=["R: distance of the tip from the system CM"],
             tables=[Table.by_columns(classes)],
+            not_checked=self.not_checked,
         )
 
 
@@ -191,6 +194,8 @@ class PoseRisk(Result):
     bound: float
     unit: str
 
+    not_checked = "collisions"
+
     def describe(self) -> Description:
         """Describe mean and largest share, and how near the configurations come to the poses."""
         quantiles = {f"{p} % of the poses at most": np.percentile(self.share, p) for p in (50, 90)}
@@ -206,6 +211,7 @@ class PoseRisk(Result):
                 f"{self.within.max():.3g} m of the system CM"
             ],
             tables=[table],
+            not_checked=self.not_checked,
         )
 
 

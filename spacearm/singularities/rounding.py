@@ -65,6 +65,8 @@ class ErrorBars(Result):
     sigma: float
     jacobian: Array
 
+    not_checked = "errors of the description itself"
+
     def describe(self) -> Description:
         """Describe the bound of the singular values and the largest one of each column of J*."""
         columns: dict[Column | str, Sequence[Cell]] = {
@@ -75,7 +77,7 @@ class ErrorBars(Result):
             title=f"{self.arm.name}, rounding errors",
             verdict=f"singular values are exact to {self.sigma:.3g} {self.arm.sigma_unit}",
             tables=[Table.by_columns(columns)],
-            not_checked="errors of the description itself",
+            not_checked=self.not_checked,
         )
 
 

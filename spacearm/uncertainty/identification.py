@@ -150,6 +150,8 @@ class Identified(Result, kw_only=True):
         }
         return uncertain(arm, {payload: spread})
 
+    not_checked = "errors of joint positions, poses and of the arm's own masses"
+
     def describe(self) -> Description:
         """Describe the body, how well it is known, and what was not excited."""
         mass, com, moments = self.deviations
@@ -172,7 +174,7 @@ class Identified(Result, kw_only=True):
             tone="caution" if missing else "good",
             notes=[f"{self.rows} instants, misfit {self.misfit:.2g}", *([missing] * bool(missing))],
             tables=[Table(columns, rows)],
-            not_checked="errors of joint positions, poses and of the arm's own masses",
+            not_checked=self.not_checked,
         )
 
 

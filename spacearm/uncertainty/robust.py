@@ -81,6 +81,8 @@ class DistanceRange(Result):
         shares = within_100(share, "share")
         return float(np.percentile(self.distances[: self.random], shares))
 
+    not_checked = "joint limits of the singular postures, collisions"
+
     def describe(self) -> Description:
         """Describe the range, and the values at which the distance is least."""
         low, high, nominal = map(angle, (self.low, self.high, self.nominal))
@@ -101,6 +103,7 @@ class DistanceRange(Result):
             verdict=f"found {low} to {high} away, {nominal} as described; {itself}",
             notes=["Arms that were not tried may come nearer or stay farther away."],
             tables=[Table.facts(facts)],
+            not_checked=self.not_checked,
         )
 
 
@@ -128,6 +131,8 @@ class RobustCertificate(Result):
     def __bool__(self) -> bool:
         return self.free
 
+    not_checked = "joint limits, collisions, rates"
+
     def describe(self) -> Description:
         """Describe the verdict, and the counterexample where there is one."""
         facts: dict[str, Cell] = {
@@ -145,6 +150,7 @@ class RobustCertificate(Result):
             verdict=self.verdict + (f" with {with_}" if with_ else ""),
             tone=tones.get(self.verdict, "caution"),
             tables=[Table.facts(facts)],
+            not_checked=self.not_checked,
         )
 
 
@@ -376,6 +382,8 @@ class ShellBands(Result):
     sometimes: Array
     tried: int
 
+    not_checked = "joint limits, collisions"
+
     def describe(self) -> Description:
         """Describe in which bands the bounds of each shell lie."""
         number = len(self.low)
@@ -390,6 +398,7 @@ class ShellBands(Result):
             verdict=f"{number} shells" if number else "shells of different number",
             notes=["Arms that were not tried may have shells outside these bands."],
             tables=[Table.by_columns(bands)],
+            not_checked=self.not_checked,
         )
 
 

@@ -220,7 +220,8 @@ def _described(motion: Motion) -> dict[str, Any]:
     tables = [
         {"title": t.title, "head": t.head("both"), "rows": t.body("both")} for t in said.parts
     ]
-    return {"notes": [said.headline, *said.notes], "tables": tables}
+    notes = [said.headline, *said.notes, said.limits]
+    return {"notes": [*filter(None, notes)], "tables": tables}
 
 
 def _sampled(motion: Motion) -> tuple[Array, list[Curves]]:

@@ -68,6 +68,8 @@ class Region(Result):
     singular: tuple[Configuration, ...]
     point: Array
 
+    not_checked = "joint limits, collisions"
+
     def describe(self) -> Description:
         """Describe the point, and the singular configurations with the tip there."""
         names = self.singular[0].arm.joint_names if self.singular else ()
@@ -85,6 +87,7 @@ class Region(Result):
             verdict=self.kind,
             tone="good" if self.kind == "path independent" else "bad",
             tables=[Table.facts(facts), *([Table(("joint", *found), rows)] if rows else [])],
+            not_checked=self.not_checked,
         )
 
 
@@ -312,6 +315,11 @@ class Workspace(Result):
         own = {name: value for name, value in super().to_dict().items() if name != "proof"}
         return own | plain({sizes: self.volumes, "fraction": self.fraction})
 
+    @property
+    def not_checked(self) -> str:
+        """What the answer does not cover."""
+        return "collisions" if self.limits else "joint limits, collisions"
+
     def describe(self) -> Description:
         """Describe reachable, path dependent and path independent distances, and how sure they are.
 
@@ -338,6 +346,7 @@ class Workspace(Result):
             verdict=f"{self.fraction:.2%} of the reachable workspace is path independent",
             notes=[f"distances of the tip from the system CM ({how})"],
             tables=[Table(("workspace", *distances, size), rows)],
+            not_checked=self.not_checked,
         )
 
     def __repr__(self) -> str:

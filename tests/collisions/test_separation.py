@@ -107,7 +107,7 @@ def test_a_flat_visual_counts_as_the_box_around_it(tmp_path):
 
 def test_a_bus_of_unknown_shape_is_not_checked():
     bus = sa.Bus(100.0, inertia=20.0 * np.eye(3))
-    assert "NOT checked, without shapes: bus" in Collisions(sa.mount("vispa", bus)).account
+    assert "NOT checked: links without shapes: bus" in Collisions(sa.mount("vispa", bus)).account
 
 
 @pytest.mark.parametrize("name", [model.name for model in sa.catalogue()])
@@ -384,9 +384,9 @@ def test_a_missing_mesh_is_no_proof(tmp_path):
     with pytest.warns(sa.ModelWarning, match="meshes not found"):
         arm = boxy(tmp_path, '<mesh filename="nowhere.stl"/>')
     plan = sa.plan(arm.at([0.3, 1.0]), sa.Joints([0.5, 1.2]))
-    assert plan.checked.endswith("NOT checked, without shapes: hull")
-    assert plan.story.endswith("; NOT checked, without shapes: hull")
-    assert plan.describe().verdict.endswith("; NOT checked, without shapes: hull")
+    assert plan.checked.endswith("NOT checked: links without shapes: hull")
+    assert plan.story.endswith("; NOT checked: links without shapes: hull")
+    assert plan.describe().verdict.endswith("; NOT checked: links without shapes: hull")
 
 
 def test_the_verdict_names_the_links_that_were_not_checked(arm):
@@ -395,7 +395,7 @@ def test_the_verdict_names_the_links_that_were_not_checked(arm):
     assert report.unchecked == ("bus",)
     assert report.describe().verdict == report.story
     assert report.apart
-    assert "NOT checked, without shapes: bus" in report.story
+    assert "NOT checked: links without shapes: bus" in report.story
     whole = sa.collision_check(arm.at(np.zeros(2)))
     assert whole.apart
     assert whole.unchecked == ()

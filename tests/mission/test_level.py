@@ -3,10 +3,12 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from helpers.arms import load_text, random_chain
 
 import spacearm as sa
 
 Q = np.array([-0.6, 1.4])
+TILT = np.radians(0.5)
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +31,20 @@ def test_lines_end_where_follow_has_turned_by_the_tilt(reach):
         run = sa.follow(cfg, [end])
         assert run.arrived
         assert sa.reaction(run).angle.max() == pytest.approx(reach.tilt, rel=2e-3)
+
+
+@pytest.mark.parametrize("seed", [504, 510, 522])
+def test_no_line_of_a_random_arm_turns_it_farther(seed):
+    n = 6 if seed == 510 else 3
+    arm = load_text(random_chain(seed, n, ("revolute",)), task="pose" if n == 6 else "position")
+    cfg = arm.at(np.random.default_rng(seed).uniform(-1.5, 1.5, n))
+    reach = sa.level_reach(cfg, TILT, directions=12)
+    tilted = np.flatnonzero(reach.ended == 3)[:4]
+    for i in tilted:
+        goal = cfg.tip.translation + reach.straight[i] * reach.direction[i]
+        end = sa.follow(cfg, [pin.SE3(cfg.tip.rotation, goal) if n == 6 else goal])[-1]
+        turn = np.linalg.norm(pin.log3(cfg.base.rotation.T @ end.base.rotation))
+        assert TILT - 1e-5 < turn < TILT + 1e-6
 
 
 def test_more_tilt_reaches_farther_and_a_margin_less(arm, reach):
