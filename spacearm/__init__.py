@@ -26,8 +26,8 @@ servo        Servo ServoStep ServoControl Watched
 planning     plan detumble connected time_optimal Tracking collision_check Joints Constraints
              Search Plan Attempt Connection Obstacle CollisionReport
 mission      feasible_attitudes reaction size_wheels level_reach level_envelope momentum_budget
-             catch fly_many FeasibleAttitudes Reaction WheelSizing LevelReach LevelEnvelope
-             MomentumBudget Target Catch TargetErrors CaptureEnvelope CatchRuns
+             catch fly_many hold FeasibleAttitudes Reaction WheelSizing LevelReach LevelEnvelope
+             MomentumBudget Target Catch TargetErrors CaptureEnvelope CatchRuns Held HeldReport
 uncertainty  uncertain distance_range is_free_for_all shell_bands robust_plan identify UncertainArm
              DistanceRange RobustCertificate ShellBands Identified
 sweeps       sweep Study

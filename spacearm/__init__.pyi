@@ -1,5 +1,8 @@
 """The public names and where they live; `__init__.py` imports each when it is first used."""
 
+from spacearm.closure.held_report import HeldReport as HeldReport
+from spacearm.closure.holding import Held as Held
+from spacearm.closure.holding import hold as hold
 from spacearm.collisions.obstacles import Obstacle as Obstacle
 from spacearm.collisions.separation import CollisionReport as CollisionReport
 from spacearm.collisions.separation import collision_check as collision_check

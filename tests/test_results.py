@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 import pytest
+from helpers.arms import planar_pair
 from helpers.catching import caught, flown
 from helpers.sweeps import STUDY
 
@@ -68,6 +69,13 @@ def run():
 
 
 @cache
+def held():
+    ends = {"left": sa.pose((-0.3, 0, 0)), "right": sa.pose((0.3, 0, 0))}
+    rod = sa.Target(sa.Bus(5.0, size=(1, 0.1, 0.1)), sa.pose((0, 1.5, 0)))
+    return sa.hold(planar_pair().at([2.0, -1.2, 1.1, 1.2]), rod, ends)
+
+
+@cache
 def unsure():
     return sa.uncertain(arm(), {"link_2": {"mass": 0.05}})
 
@@ -116,6 +124,8 @@ RESULTS = {
         arm().at([0, 1]), [(1.5, 0.2), (1.5, 0.5)], all_branches=True, samples=16
     ),
     "FoundSet": lambda: sa.singular_set(sa.load("servicer_panda"), mode="fixed"),
+    "Held": held,
+    "HeldReport": lambda: held().report(),
     "FreeBox": lambda: sa.free_box(arm().at([0.3, 1.2])),
     "FreeBoxes": lambda: sa.free_boxes(arm(), share=0.5),
     "Identified": identified,

@@ -8,10 +8,12 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.closure.held_report import HeldReport
+from spacearm.closure.holding import Held
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.plots.hulls import bare, draw_bodies, stand_ins
+from spacearm.plots.hulls import bare, draw_bodies, draw_target, stand_ins
 from spacearm.plots.style import (
     BLUE,
     COLOURS,
@@ -64,6 +66,24 @@ def draw_configuration(
     if velocities:
         draw_velocities(axes, cfg)
     entitle(axes, f"{cfg.arm.name}: spacecraft, arm and system CM (+){stand_ins(cfg.arm)}")
+    return axes
+
+
+@draws(Held, HeldReport)
+def draw_held(result: Held | HeldReport, ax: Any) -> Any:
+    """Draw the arms and what they hold.
+
+    Args:
+        result: A closed posture, or a report of one.
+        ax: Matplotlib axes to draw into, three-dimensional ones for spatial arms; None for a new
+            figure.
+    """
+    cfg = result.configuration
+    axes = axes_for(ax, *SIZE, spatial=not in_plane(cfg))
+    if result.target is not None:
+        draw_target(axes, result.target, _rows(cfg) if in_plane(cfg) else (0, 1, 2))
+    draw_posture(axes, cfg)
+    entitle(axes, result.describe().headline)
     return axes
 
 

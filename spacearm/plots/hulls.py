@@ -17,9 +17,10 @@ from spacearm.arrays import Array
 from spacearm.description.bus import solid_box
 from spacearm.description.shapes import Box, Shape, faces
 from spacearm.errors import ModelError, warn
+from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import evenly_spread
-from spacearm.plots.style import GREEN
+from spacearm.plots.style import GREEN, PURPLE
 
 GOLD = "#d9b25f"
 """Colour of the spacecraft."""
@@ -110,6 +111,25 @@ def draw_bodies(
         pose = data.oMf[model.getFrameId(solid.link, pin.BODY)]
         parts.append((placed(solid.corners, pose), tinted(solid.color or color)))
     draw_hulls(axes, parts, rows, alpha)
+
+
+def draw_target(axes: Any, target: Target, rows: tuple[int, ...]) -> None:
+    """Draw the hulls of a target where it is at time 0; without visuals the box of its inertia.
+
+    Args:
+        axes: Matplotlib axes.
+        target: The target.
+        rows: Which of x, y, z are drawn.
+    """
+    tree, parts = target.tree, list[Array]()
+    for link, drawn in tree.visuals.items():
+        for shape in drawn.visual:
+            if len(corners := _outermost(_points(shape))):
+                parts.append(placed(corners, tree.frames[link]))
+    if not parts:
+        turned, edges = solid_box(target.mass, target.inertia)
+        parts = [Shape(pin.SE3(turned, target.com), Box(tuple(edges.tolist()))).points()]
+    draw_hulls(axes, [(placed(part, target.pose), tinted(PURPLE)) for part in parts], rows, 1.0)
 
 
 def draw_hulls(

@@ -1,0 +1,1 @@
+"""Closed chains: several tips that hold one target, or the fixed world."""

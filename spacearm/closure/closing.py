@@ -1,0 +1,126 @@
+"""Closing: joint positions, and where what is held is, for which all grasps are closed.
+
+With T_i(q) the tips in the spacecraft's frame, X the frame of what is held there and F_i the
+grasps in X, the chain is closed where T_i(q) = X F_i for every tip i. Nothing in it depends on
+where the spacecraft is. A target moves with X; where the fixed world is held, the spacecraft does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.mechanics.target import Target
+from spacearm.model.arm import Configuration, SpaceArm, kinematics
+from spacearm.model.joints import joint_scales
+
+STEPS, SHARES = 50, 0.5 ** np.arange(8)
+"""Most steps, and the shares of each that are tried."""
+STRIDE, CLOSE = 0.5, 1e-14
+"""Longest step [rad], and what may be left open."""
+DAMPING = 1e-3
+"""Damping of the steps, by the square of what is open."""
+
+
+class Closure(NamedTuple):
+    """The equations T_i(q) = X F_i, spacecraft at the origin.
+
+    Attributes:
+        arm: The arm.
+        grasps: F_i, in the order of its tips.
+        fixed: Whether X stays.
+        limits: Whether the joints stay within their limits.
+    """
+
+    arm: SpaceArm
+    grasps: tuple[pin.SE3, ...]
+    fixed: bool
+    limits: bool
+
+    def solved(self, q: Array, X: pin.SE3) -> tuple[Array, pin.SE3]:
+        """Solve from joints q (n,) and the frame X on, by damped Gauss-Newton steps.
+
+        Each step is the least that closes the linearised equations; joints at their limits stay.
+
+        Returns:
+            q and X, closed or as near to it as the equations led.
+        """
+        arm, length = self.arm, self.arm.task.length or 1.0
+        unit = np.append(joint_scales(arm), np.repeat([length, 1.0], 3))
+        low, high = np.full((2, len(unit)), [[-np.inf], [np.inf]])
+        if self.limits:
+            low[: arm.n] = (arm.lower - q) / unit[: arm.n]
+            high[: arm.n] = (arm.upper - q) / unit[: arm.n]
+        free = slice(arm.n if self.fixed else None)
+        scale = np.tile(np.repeat([1.0 / length, 1.0], 3), len(self.grasps))
+
+        def at(z: Array) -> tuple[Array, pin.SE3]:
+            joints, move, turn = np.split(np.pad(z, (0, len(unit) - len(z))) * unit, [arm.n, -3])
+            return q + joints, pin.SE3(pin.exp3(turn) @ X.rotation, X.translation + move)
+
+        def gaps(z: Array) -> Array:
+            there, frame = at(z)
+            tips = kinematics(arm, there, pin.SE3.Identity()).tips
+            pairs = zip(tips, self.grasps, strict=True)
+            return scale * np.concatenate([_off(tip, frame * grasp) for tip, grasp in pairs])
+
+        def slopes(z: Array) -> Array:
+            there, frame = at(z)
+            turning = np.eye(3) if self.fixed else pin.Jexp3(z[-3:]).T
+            cfg, blocks = kinematics(arm, there, pin.SE3.Identity()), list[Array]()
+            J = np.split(cfg.J[:, 6:], len(cfg.tips))
+            for tip, grasp, rates in zip(cfg.tips, self.grasps, J, strict=True):
+                wanted = frame * grasp
+                R = tip.rotation @ wanted.rotation.T
+                back, lever = pin.Jlog3(R).T, pin.skew(wanted.translation - frame.translation)
+                linear = np.hstack((rates[:3], -np.eye(3), lever @ turning))
+                turns = np.hstack((back @ rates[3:], np.zeros((3, 3)), -back @ R @ turning))
+                blocks += [linear, turns]
+            return (scale[:, None] * np.vstack(blocks) * unit)[:, free]
+
+        z = np.clip(0.0, low, high)[free]
+        r = gaps(z)
+        for _ in range(STEPS):
+            J, size = slopes(z), float(np.linalg.norm(r))
+            if size <= CLOSE:
+                break
+            fall = -J.T @ r
+            held = ((z <= low[free]) & (fall < 0.0)) | ((z >= high[free]) & (fall > 0.0))
+            J[:, held] = 0.0
+            damped = J @ J.T + DAMPING * min(size, 1.0) ** 2 * np.eye(len(r))
+            step = -J.T @ np.linalg.lstsq(damped, r)[0]
+            step *= min(1.0, STRIDE / float(np.linalg.norm(step) or 1.0))
+            for share in SHARES:
+                other = np.clip(z + share * step, low[free], high[free])
+                if float(np.linalg.norm(left := gaps(other))) < (1.0 - share / 10.0) * size:
+                    break
+            else:
+                break
+            z, r = other, left
+        return at(z)
+
+
+def placed(
+    cfg: Configuration, target: Target | None, q: Array, X: pin.SE3
+) -> tuple[Configuration, Target | None]:
+    """Return what is held at X in the spacecraft's frame, the arm at q (n,).
+
+    Args:
+        cfg: Where the spacecraft is, which stays unless it is the fixed world that is held.
+        target: The target; None if the tips hold the fixed world.
+        q: Joint positions.
+        X: Frame of what is held.
+    """
+    base = cfg.base if target else X.inverse()
+    there = replace(kinematics(cfg.arm, q, base), momentum=cfg.momentum).with_wheels(cfg.wheels)
+    return there, target and target.replace(pose=base * X)
+
+
+def _off(tip: pin.SE3, wanted: pin.SE3) -> Array:
+    """Return how far a tip (6,) is from where it should be [m], [rad]."""
+    turn = pin.log3(tip.rotation @ wanted.rotation.T)
+    return np.concatenate((tip.translation - wanted.translation, turn))

@@ -1,0 +1,252 @@
+"""Holding: postures in which the tips of an arm hold one target, or the fixed world.
+
+Closed from a rough start; asked whether the closed chain is singular, and how it gets away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array, Progress, generator
+from spacearm.closure.closing import Closure, placed
+from spacearm.closure.held_report import HeldReport, held_report
+from spacearm.errors import ConfigurationError, NoSolutionError, listed
+from spacearm.mechanics.target import Target
+from spacearm.model.arguments import FLOATING, BaseMode
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.frames import PoseLike, sound_pose
+from spacearm.model.joints import joint_scales
+from spacearm.model.task import ROWS, Task, with_length
+from spacearm.results import Column, Description, Measure, Result, Table, joint_measures
+from spacearm.signatures import checked
+from spacearm.singularities.report import TOLERANCE
+
+CLOSED = 1e-9
+"""Gap up to which a grasp is closed [m], [rad]."""
+POSTURES = 20
+"""Random postures from which closure is tried where the start leads to none."""
+
+
+class Held(Result):
+    """A posture in which the tips of an arm hold one target or the fixed world, from `sa.hold`.
+
+    Attributes:
+        configuration: The configuration. Its task has all rows, of planar arms those of the plane.
+        target: The target, at the pose in which it is held; None if the fixed world is held.
+        grasps: Frame that each tip holds: pose in the target's frame, or in the inertial frame.
+        gap: Largest distance of a tip from its grasp [m].
+        turn: Largest angle between them [rad].
+        tries: Number of postures from which closure was sought; 1 if the start led to it.
+    """
+
+    configuration: Configuration
+    target: Target | None
+    grasps: Mapping[str, pin.SE3]
+    gap: float
+    turn: float
+    tries: int
+
+    @property
+    def arm(self) -> SpaceArm:
+        """The arm."""
+        return self.configuration.arm
+
+    @property
+    def q(self) -> Array:
+        """(n,) joint positions [rad] or [m]."""
+        return self.configuration.q
+
+    def report(
+        self,
+        *,
+        mode: BaseMode = FLOATING,
+        tolerance: float = TOLERANCE,
+        exact: bool = False,
+        progress: Progress | None = None,
+    ) -> HeldReport:
+        """Report whether the closed chain is singular, what is lost, and the way out along closure.
+
+        It is singular exactly where the stacked J* of the free hands is, whatever the target
+        weighs. The momentum of arm and target together is zero.
+
+        Args:
+            mode: What the spacecraft does; see `generalized_jacobian`. It does not count where the
+                fixed world is held.
+            tolerance: Distance along closure up to which a posture is singular [rad].
+            exact: Whether to find the nearest singular posture along closure, from here on, and to
+                prove how far singular postures of the free hands are at least, which holds along
+                closure too; see `singularity`. Kind and directions stay decided to first order.
+            progress: As in `singularity`, for `exact`.
+
+        Returns:
+            Kind, distance, directions, the way out and internal motions.
+
+        Raises:
+            ConfigurationError: `mode` or `tolerance` is not valid.
+        """
+        return held_report(
+            self.configuration, self.target, self.grasps, mode, tolerance, exact, progress
+        )
+
+    def describe(self) -> Description:
+        """Describe where what is held is, and where it is grasped."""
+        cfg, target = self.configuration, self.target
+        what = "the fixed world" if target is None else target.name
+        moved = cfg.base if target is None else target.pose
+        rows = [
+            (
+                tip,
+                Measure(grasp.translation, "m"),
+                Measure(pin.rpy.matrixToRpy(grasp.rotation), "rad"),
+            )
+            for tip, grasp in self.grasps.items()
+        ]
+        place = {
+            "place": Measure(moved.translation, "m"),
+            "roll, pitch, yaw": Measure(pin.rpy.matrixToRpy(moved.rotation), "rad"),
+            "largest gap of a grasp": Measure(self.gap, "m", ".1e"),
+            "and angle": Measure(self.turn, "rad", ".1e"),
+        }
+        outside = f"; outside its limits: {listed(cfg.outside_limits)}" * bool(cfg.outside_limits)
+        far = "; the start led to none: found from a random posture" * (self.tries > 1)
+        columns = (Column("tip"), Column("holds, place"), Column("roll, pitch, yaw"))
+        joints = {"joint": cfg.arm.joint_names, "q": joint_measures(cfg.q, cfg.arm.slides)}
+        return Description(
+            title=f"{cfg.arm.name} and {what}",
+            verdict=f"held by {listed(list(self.grasps))}{far}{outside}",
+            tone="good" if not outside else "caution",
+            tables=[
+                Table.facts(place, "The spacecraft" if target is None else target.name),
+                Table(columns, rows, "Grasps"),
+                Table.by_columns(joints, "Posture"),
+            ],
+            not_checked="collisions, and singular postures: Held.report()",
+        )
+
+
+@checked
+def hold(
+    start: Configuration,
+    target: Target | None,
+    grasps: Mapping[str, str | PoseLike],
+    *,
+    fixed: bool = False,
+    limits: bool = True,
+    seed: int = 0,
+) -> Held:
+    """Find a posture in which the tips of an arm hold one target, near a rough start.
+
+    The chain closes by Gauss-Newton steps within the joint limits, of joints and target alike: from
+    the start, then from random postures farther and farther from it.
+
+    Args:
+        start: The start. Its arm has all tips that hold: `sa.load(source, tip=["left", "right"])`.
+        target: What is held, roughly where it is; its twist does not count. None for the fixed
+            world, such as handrails of a station.
+        grasps: What each tip holds: the name of a grapple frame of the target, or a pose in the
+            target's frame; of the fixed world a pose in the inertial frame. z points into what is
+            held, as the z axis of the hand does.
+        fixed: Whether the target stays where it is; of the fixed world whether the spacecraft
+            does.
+        limits: Whether the joints stay within their limits.
+        seed: Seed of the random postures.
+
+    Returns:
+        The closed posture.
+
+    Raises:
+        ConfigurationError: The grasps are not those of all tips, or a value is not valid.
+        NoSolutionError: Nothing tried closes; names the remaining gap. `best` is the nearest try.
+
+    Example:
+        >>> import spacearm as sa
+        >>> arm = sa.load("dual_ur5", tip=["left", "right"])
+        >>> start = arm.at([0.4, -1, 1.5, 0.3, 0.5, 0] * 2)
+        >>> box = sa.Bus(90, size=(0.4, 0.4, 0.4))
+        >>> debris = sa.Target(box, start.tips[0] * sa.pose((0, 0, 0.3)))
+        >>> sides = {"left": sa.pose((0, 0, -0.2)), "right": sa.pose((0, 0, 0.2), (3.1416, 0, 0))}
+        >>> held = sa.hold(start, debris, sides)
+        >>> held.report().kind
+        'regular'
+    """
+    arm, frames = _with_all_rows(start.arm), _frames(start.arm, target, grasps)
+    start = replace(start, arm=arm)
+    closure = Closure(arm, tuple(frames.values()), fixed, limits)
+    where = start.base.actInv(pin.SE3.Identity() if target is None else target.pose)
+    rng, found = generator(seed), list[Held]()
+    for tries in range(1, 2 + POSTURES):
+        away = (tries - 1) / POSTURES
+        q = start.q + away * (_anywhere(arm, limits, rng) - start.q)
+        cfg, there = placed(start, target, *closure.solved(q, where))
+        found.append(_held(cfg, there, frames, tries))
+        if max(found[-1].gap, found[-1].turn) <= CLOSED:
+            return found[-1]
+    best = min(found, key=lambda held: held.gap + held.turn)
+    raise NoSolutionError(
+        f"{arm.name} does not hold {_named(target)}: from the start and {POSTURES} random postures "
+        f"on, a tip stays {best.gap:.3g} m and {np.degrees(best.turn):.3g}° off its grasp at best; "
+        f"correct the grasps{', or let what is held move: fixed=False' * fixed}"
+        f"{', or try limits=False' * limits}",
+        best,
+    )
+
+
+def _held(
+    cfg: Configuration, target: Target | None, frames: Mapping[str, pin.SE3], tries: int
+) -> Held:
+    """Return what was found, with its gaps."""
+    there = pin.SE3.Identity() if target is None else target.pose
+    off = [(there * frames[t]).actInv(tip) for t, tip in zip(frames, cfg.tips, strict=True)]
+    gap = max(float(np.linalg.norm(pose.translation)) for pose in off)
+    turn = max(float(np.linalg.norm(pin.log3(pose.rotation))) for pose in off)
+    return Held(cfg, target, MappingProxyType(dict(frames)), gap, turn, tries)
+
+
+def _with_all_rows(arm: SpaceArm) -> SpaceArm:
+    """Return an arm whose task has all rows, of a planar arm those of its plane."""
+    normal = arm.tree.plane_normal()
+    rows = (
+        ROWS if normal is None else [r for i, r in enumerate(ROWS) if (i % 3 == normal) == (i > 2)]
+    )
+    task = Task(" ".join(rows), arm.task.length)
+    return replace(arm, task=with_length(task, arm.tree, arm.tips, arm.path), _asked=task)
+
+
+def _frames(
+    arm: SpaceArm, target: Target | None, grasps: Mapping[str, str | PoseLike]
+) -> dict[str, pin.SE3]:
+    """Return the grasps as poses, in the order of the arm's tips."""
+    if not isinstance(grasps, Mapping) or set(grasps) != set(arm.tips):
+        raise ConfigurationError(
+            f"grasps is {grasps!r}; give {{tip: frame}} for each tip of {arm.name}: "
+            f"{listed(arm.tips)}; sa.load(source, tip=[...]) names other tips"
+        )
+    frames = {}
+    for tip in arm.tips:
+        grasp = grasps[tip]
+        if isinstance(grasp, str) and target is None:
+            raise ConfigurationError(
+                f"grasp of {tip!r} is {grasp!r}; give a pose: the fixed world has no named frames"
+            )
+        if target is not None and isinstance(grasp, str):
+            frames[tip] = target.frame(grasp)
+        else:
+            frames[tip] = sound_pose(grasp, f"grasp of {tip!r}")
+    return frames
+
+
+def _anywhere(arm: SpaceArm, limits: bool, rng: np.random.Generator) -> Array:
+    """Return random joint positions, within the limits or a turn."""
+    half = np.pi * joint_scales(arm)
+    bounded = np.isfinite(arm.lower) & np.isfinite(arm.upper) & limits
+    low = np.where(bounded, arm.lower, -half)
+    return rng.uniform(low, np.where(bounded, arm.upper, half))
+
+
+def _named(target: Target | None) -> str:
+    return "the fixed world" if target is None else target.name
