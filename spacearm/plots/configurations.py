@@ -31,6 +31,7 @@ from spacearm.plots.style import (
     equal_axes,
     flat_rows,
 )
+from spacearm.singularities.nearest import NearestSingular
 from spacearm.singularities.report import singularity
 from spacearm.uncertainty.intervals import UncertainArm
 from spacearm.workspaces.path_dependent import Region
@@ -229,6 +230,23 @@ def draw_region(result: Region, ax: Any) -> Any:
         axes.set(aspect="equal", xlabel=where, ylabel=where)
     number = f"\nsingular postures with the tip there: {len(found)}" if found else ""
     entitle(axes, f"{result.radius:.4g} m from the CM: {result.kind}{number}")
+    return axes
+
+
+@draws(NearestSingular)
+def draw_nearest(result: NearestSingular, ax: Any) -> Any:
+    """Draw the posture and, in red, the nearest singular one that was found.
+
+    Args:
+        result: The answer of `SingularSet.nearest`.
+        ax: Matplotlib axes to draw into, three-dimensional ones for a spatial arm; None for a new
+            figure.
+    """
+    cfg, singular = (result.arm.at(q) for q in (result.start, result.q))
+    axes = axes_for(ax, *SIZE, spatial=not in_plane(cfg))
+    draw_posture(axes, cfg)
+    draw_posture(axes, singular, color=RED, label=False)
+    entitle(axes, f"{result.arm.name}, {result.mode}\n{result.describe().verdict}")
     return axes
 
 

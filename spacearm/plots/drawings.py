@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from spacearm.errors import ConfigurationError
 from spacearm.plots import configurations, datasets, maps, mission, motions, reports, workspaces
 from spacearm.plots.style import DRAWINGS
+from spacearm.results import Described
 
 MODULES = (configurations, datasets, maps, mission, motions, reports, workspaces)
 """All that draw: they are entered in `DRAWINGS` when they are imported."""
@@ -26,8 +27,9 @@ def drawing_of(thing: object) -> Callable[..., Any]:
         if kind in DRAWINGS:
             return DRAWINGS[kind]
     names = sorted({kind.__name__ for kind in DRAWINGS} - {"Dataset"})
+    alone = ", which is words and numbers alone (print it)" * isinstance(thing, Described)
     raise ConfigurationError(
-        f"there is no drawing of a {type(thing).__name__}; what can be drawn: "
+        f"there is no drawing of a {type(thing).__name__}{alone}; what can be drawn: "
         f"{', '.join(names)}, the datasets of spacearm.design, sweep and simulate_many"
     )
 

@@ -127,6 +127,7 @@ def results(few):
         "points": (sa.singular_set(planar, mode="fixed"), 1),
         "curves": (sa.singular_set(planar), 1),
         "a searched set": (sa.singular_set(redundant), 1),
+        "a nearest singular posture": (sa.singular_set(planar).nearest([0.3, 0.4]), 1),
         "a path dependent point": (sa.workspace(planar).regions((0.9, 1.3)), 1),
         "a path independent point": (sa.workspace(planar).regions((0.9, 0.3)), 1),
         "a risk profile": (sa.risk_profile(planar, samples=2000), 1),
