@@ -62,12 +62,12 @@ COMMANDS = {
     "wheels": ("planar2", "--motion", "run.npz"),
     "watch": ("planar2", "states.jsonl"),
 }
-SPATIAL = ("ets7", "--task", "position", "--mode", "fixed", *(
+SPATIAL = ("ets7", "--task", "position", *(
     word for joint in "456" for word in ("--lock", f"joint_{joint}=0.3")
 ))  # fmt: skip
 MORE = {
     "design": (*SPATIAL, "--vary", "base_inertia=2", "--risk"),
-    "workspace": SPATIAL,
+    "workspace": (*SPATIAL, "--mode", "fixed"),
     "simulate": ("planar2", "--deg", -57.936, 60.337, "--attitude", 0, 0, 21, "--with",
                  "origin=cm", "--target", 1.5, 1.5, "--with", "stop=singularity"),
 }  # fmt: skip
