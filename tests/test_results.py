@@ -256,6 +256,8 @@ def test_every_result_is_described():
         if name.split()[0] not in without and isinstance(thing := make(), Described):
             said = thing.describe()
             assert said.title, name
+            left = thing.not_checked if isinstance(thing, Result) else ""
+            assert said.not_checked == left == thing.to_dict().get("not_checked", ""), name
             assert said.verdict or said.tables, name
             assert "<table>" in thing._repr_html_(), name
             assert repr(thing).startswith(type(thing).__name__), name

@@ -111,6 +111,8 @@ class HeldReport(Result):
         """Return all fields as plain data, with the verdict."""
         return {**super().to_dict(), "verdict": self.verdict}
 
+    not_checked = "collisions, and forces of the grasps"
+
     def describe(self) -> Description:
         """Describe verdict, directions of what is held, and joint motions."""
         arm, what = self.configuration.arm, _moved(self.target)
@@ -155,7 +157,7 @@ class HeldReport(Result):
                 ),
                 Table.by_columns(columns, "Posture; joint motions that keep the grasps closed"),
             ],
-            not_checked="collisions, and forces of the grasps",
+            not_checked=self.not_checked,
         )
 
 

@@ -93,6 +93,8 @@ class Held(Result):
             self.configuration, self.target, self.grasps, mode, tolerance, exact, progress
         )
 
+    not_checked = "collisions, and singular postures: Held.report()"
+
     def describe(self) -> Description:
         """Describe where what is held is, and where it is grasped."""
         cfg, target = self.configuration, self.target
@@ -125,7 +127,7 @@ class Held(Result):
                 Table(columns, rows, "Grasps"),
                 Table.by_columns(joints, "Posture"),
             ],
-            not_checked="collisions, and singular postures: Held.report()",
+            not_checked=self.not_checked,
         )
 
 

@@ -187,6 +187,7 @@ class CatchRuns(Result, kw_only=True):
         """Return share and interval, and all values of the runs; of the catch its time."""
         told = {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "catch"}
         told |= {"contact": self.catch.t, "share": self.share, "interval": self.interval}
+        told["not_checked"] = self.not_checked
         return {name: plain(value) for name, value in told.items()}
 
 

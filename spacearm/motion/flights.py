@@ -25,7 +25,7 @@ from spacearm.signatures import checked
 
 SUMS = ("impulse", "work", "other_work")
 """Quantities that each phase counts from zero."""
-TOLD = ("phases", "begins", "events", "captures", "ended")
+TOLD = ("phases", "begins", "events", "captures", "ended", "not_checked")
 """What `Flight.to_dict` gives."""
 
 
@@ -170,6 +170,7 @@ class Flight(Trajectory, kw_only=True):
             verdict=f"{len(self.phases)} phases, {end:.6g} s, ended by {self.ended}",
             tables=[Table(columns, rows)],
             events=events_table(arm, self.events),
+            not_checked=self.not_checked,
         )
 
 

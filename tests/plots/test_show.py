@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import xarray as xr
+from helpers.arms import planar_pair
 from helpers.catching import caught, flown
 from helpers.labels import touching
 from matplotlib.figure import Figure
@@ -79,6 +80,8 @@ def results(few):
         "a planar arm": (planar, 1),
         "an arm with two tips": (sa.load("dual_ur5", tip=("left", "right")), 1),
         "a report of two tips": (two_tips(), 3),
+        "a held target": (held(), 1),
+        "a report of one": (held().report(), 1),
         "a spatial configuration": (cfg, 1),
         "a planar arm in a tilted plane": (planar.at(SINGULAR, base=tilted()), 1),
         "a regular report": (sa.singularity(cfg), 3),
@@ -184,6 +187,12 @@ def tilted():
 def two_tips():
     arm = sa.load("dual_ur5", tip=("left", "right"))
     return sa.singularity(arm.at(np.linspace(-1.0, 1.0, arm.n)))
+
+
+def held():
+    ends = {"left": sa.pose((-0.3, 0, 0)), "right": sa.pose((0.3, 0, 0))}
+    rod = sa.Target(sa.Bus(5.0, size=(1, 0.1, 0.1)), sa.pose((0, 1.5, 0)))
+    return sa.hold(planar_pair().at([2.0, -1.2, 1.1, 1.2]), rod, ends)
 
 
 @pytest.mark.slow
