@@ -339,10 +339,11 @@ class Tree:
         """
         part = self.links.get(link)
         if part is None or not part.mass:
-            several = [name for name in self.massive() if name in link.split(" + ")]
-            names = listed(several or self.massive())
-            why = "are links that move as one body" if several else "has no mass"
-            raise ModelError(f"link {link!r} {why}; name one of: {names}")
+            if several := [name for name in self.massive() if name in link.split(" + ")]:
+                raise ModelError(f"{link!r} is one body of links; name one of: {listed(several)}")
+            if link not in self.links:
+                raise ModelError(unknown("link", link, self.massive()))
+            raise ModelError(f"link {link!r} has no mass; name one of: {listed(self.massive())}")
         return part
 
     def with_home(self, positions: Mapping[str, float]) -> Tree:

@@ -311,8 +311,8 @@ def test_a_robust_plan_is_free_for_every_arm(about):
 
 
 def test_bad_input(arm, about):
-    with pytest.raises(sa.ModelError, match="'nothing' has no mass"):
-        sa.uncertain(arm, {"nothing": {"mass": 0.1}})
+    with pytest.raises(sa.ModelError, match="unknown link 'link_3'; valid, nearest first: link_"):
+        sa.uncertain(arm, {"link_3": {"mass": 0.1}})
     with pytest.raises(sa.ConfigurationError, match="kind"):
         sa.uncertain(arm, {"link_1": {"colour": 0.1}})
     with pytest.raises(sa.ConfigurationError, match="mass of link_1 is 2"):
