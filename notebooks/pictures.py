@@ -27,10 +27,7 @@ from playwright.sync_api import sync_playwright
 
 import spacearm as sa
 from spacearm.plots.configurations import draw_posture, draw_velocities
-from spacearm.plots.maps import draw_map
-from spacearm.plots.motions import draw_motion
 from spacearm.plots.style import BLUE, GREEN, GREY, RED, style
-from spacearm.plots.workspaces import draw_workspace
 from spacearm.polynomial.level_set import surface
 from spacearm.polynomial.univariate import wrap
 
@@ -91,9 +88,8 @@ def view() -> None:
 def simulation_planar2() -> Figure:
     """Figures 5 and 6: the transposed Jacobian law meets a singularity and never arrives."""
     law = sa.TransposedJacobian(target=TARGET, kp=5, kd=15)
-    return draw_motion(
-        sa.simulate(sa.load("planar2").at(START, base=start(21.0)), law, 200.0), TARGET
-    )
+    run = sa.simulate(sa.load("planar2").at(START, base=start(21.0)), law, 200.0)
+    return sa.plot(run, target=TARGET)
 
 
 def figure_7() -> Figure:
@@ -102,24 +98,24 @@ def figure_7() -> Figure:
     square = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
     path = [C, *(9 * square), square[0], C, TARGET]
     run = sa.follow(arm.at(START, base=start(20.94)), path, limits=False)
-    return draw_workspace(sa.workspace(arm), run.tip[:, :2])
+    return sa.plot(sa.workspace(arm), path=run.tip[:, :2])
 
 
 def plan_planar2() -> Figure:
     """The open problem: from the start of figure 5 to its target, and arrive."""
     arm = sa.load("planar2")
     found = sa.plan(arm.at(START, base=start(21.0)), TARGET)
-    return draw_motion(found, TARGET, sa.workspace(arm))
+    return sa.plot(found, target=TARGET, workspace=sa.workspace(arm))
 
 
 def map_planar2() -> Figure:
     """Figure 4: the picture of `spacearm map planar2`."""
-    return draw_map(sa.singular_map(sa.load("planar2")))
+    return sa.plot(sa.singular_map(sa.load("planar2")))
 
 
 def workspace_planar2() -> Figure:
     """The rings of figure 7: the picture of `spacearm workspace planar2`."""
-    return draw_workspace(sa.workspace(sa.load("planar2")))
+    return sa.plot(sa.workspace(sa.load("planar2")))
 
 
 def construction() -> Figure:

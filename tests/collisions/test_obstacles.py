@@ -20,7 +20,6 @@ from spacearm.collisions.separation import Collisions
 from spacearm.collisions.swept_motion import Floating, Recorded, inertial_speeds
 from spacearm.mechanics.floating import walk
 from spacearm.planning.timing import largest_rates, rest_to_rest_times
-from spacearm.plots.motions import draw_motion
 
 Q0, GOAL = np.array([0.3, 1.2]), (0.9, 1.4)
 
@@ -347,7 +346,7 @@ def test_obstacles_are_drawn_and_not_kept_in_the_file(arm, free, tmp_path):
     ball = sa.Obstacle.sphere(0.1, at(3.0, 2.0, 0.0), twist=[0.01, 0, 0, 0, 0, 0])
     block = sa.Obstacle.robot(arm.at(Q0, base=at(-4, 0, 0)))
     plan = replace(free, obstacles=(ball, block))
-    names = draw_motion(plan).subfigs[0].axes[0].get_legend_handles_labels()[1]
+    names = sa.plot(plan).subfigs[0].axes[0].get_legend_handles_labels()[1]
     assert "sphere" in names
     plan.save(tmp_path / "plan.npz")
     assert sa.Plan.load(tmp_path / "plan.npz", arm).obstacles == ()

@@ -13,7 +13,6 @@ import spacearm as sa
 from spacearm.planning.methods import METHODS
 from spacearm.planning.optimiser import CurveFamily, CurveOptimiser, Sines, Target
 from spacearm.planning.timing import largest_rates, rest_to_rest_times
-from spacearm.plots.motions import draw_motion
 
 E, B, C = np.radians([-57.936, 60.337]), np.array([1.5, 1.5]), np.array([1.0, 0.0])
 
@@ -102,7 +101,7 @@ def test_a_plan_is_a_motion_that_can_be_kept_and_drawn(found, tmp_path):
     found.save(tmp_path / "plan.npz")
     with np.load(tmp_path / "plan.npz") as file:
         np.testing.assert_array_equal(file["q"], found.q)
-    assert len(draw_motion(found, B).axes) == 4
+    assert len(sa.plot(found, target=B).axes) == 4
     assert "joint space" in repr(found)
 
 

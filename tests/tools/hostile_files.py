@@ -21,7 +21,6 @@ from mutations import HOSTILE, altered, changed_text
 import spacearm as sa
 import spacearm.sweeps.runner
 from spacearm.collisions.separation import Collisions
-from spacearm.plots.motions import draw_motion
 from spacearm.sweeps.runner import status
 from spacearm.sweeps.study import Chunk, Recipe
 from spacearm.sweeps.workers import do
@@ -167,7 +166,7 @@ def trajectories(rng: np.random.Generator, folder: Path, named: set[str]) -> Non
     sa.Motion.of(run).at(0.2)
     if rng.random() < 0.3:
         named.add("page.html")
-        draw_motion(run)
+        sa.plot(run)
         sa.view(run, open=False).save("page.html")
 
 

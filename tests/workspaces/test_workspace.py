@@ -28,7 +28,6 @@ from helpers.commands import spacearm
 from hypothesis import given, settings
 
 import spacearm as sa
-from spacearm.plots.workspaces import draw_profile, draw_workspace
 from spacearm.polynomial.branch_and_bound import enclose
 from spacearm.singularities.polynomials import radius_squared
 from spacearm.singularities.risk import uniform
@@ -518,12 +517,12 @@ def test_pictures_are_labelled(planar2):
     held = {"joint_4": 0.0, "joint_5": 0.3, "joint_6": 0.0}
     spatial = sa.workspace(sa.load("mda6", task="position", locked=held))
     profile = planar2.profile(samples=2_000)
-    rings = draw_workspace(planar2, np.array([[2.0, 0.0], [1.5, 1.5]]))
+    rings = sa.plot(planar2, path=np.array([[2.0, 0.0], [1.5, 1.5]]))
     texts = {text.get_text() for text in rings.axes[0].texts}
     assert {"path dependent", "path independent", "tip path", "0.3511", "2.287"} <= texts
-    cut, curve = draw_workspace(spatial, profile=profile).axes
+    cut, curve = sa.plot(spatial, profile=profile).axes
     assert cut.get_zlabel() == "z [m]"
-    for axes in (curve, draw_profile(profile).axes[0]):
+    for axes in (curve, sa.plot(profile).axes[0]):
         assert "[m]" in axes.get_xlabel()
         assert "[%]" in axes.get_ylabel()
 
