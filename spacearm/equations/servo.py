@@ -55,6 +55,8 @@ EDGE, MARGIN = 0.02, 0.01
 """Shares of `stop` beyond it where rates towards the set end, and before which an arm can stop."""
 OUTWARD = 0.1
 """Share of the rates that leads out within that edge."""
+TURNING = 0.25
+"""Share of the accelerations that is left to turn by, and taken up by what the wish changes."""
 NO_INVERSE = 1e-9
 """Share of the norm of J* up to which its least singular value is zero."""
 DAMPING = 1e-5
@@ -125,6 +127,7 @@ class Memory(NamedTuple):
 
     Attributes:
         rates: (n,) the last joint rates [rad/s] or [m/s].
+        wished: (n,) those that do all of the wished twist.
         q: (n,) the last joint positions [rad] or [m].
         dt: The last time of a tick [s].
         points: (SLOTS, n) singular postures that are followed, and scouts, in radians.
@@ -133,6 +136,7 @@ class Memory(NamedTuple):
     """
 
     rates: Any
+    wished: Any
     q: Any
     dt: Any
     points: Any
@@ -229,7 +233,7 @@ def flat_step(
 def unknowing(n: int, q: Any) -> Memory:
     """Return the memory of a servo at rest at q (n,) that knows no singular posture."""
     zero = np.zeros(n)
-    return Memory(zero, q, 0.0, np.zeros((SLOTS, n)), np.full(SLOTS, 1.0 + PATIENCE), -1.0)
+    return Memory(zero, zero, q, 0.0, np.zeros((SLOTS, n)), np.full(SLOTS, 1.0 + PATIENCE), -1.0)
 
 
 def step(
@@ -302,24 +306,26 @@ def step(
         for one in known:
             y = _held_off(xp, y, one, limits)
     turned = at.P[:, 3:].T @ tree.gains * radians
+    change = xp.absolute(y - memory.wished / radians) / limits.acceleration
+    slower = _at_most(xp, _extreme(xp.maximum, change), TURNING * tick)
 
-    def allowed(y: Any) -> Any:
-        return _shares(xp, y, x, known, turned, tick, limits)
+    def allowed(y: Any, braking: float) -> Any:
+        return _shares(xp, y, x, known, turned, tick, braking, limits)
 
-    shares = allowed(y)
-    scaled = y * _whole(xp, shares)
+    shares = allowed(slower * y, 1.0 - TURNING)
+    scaled = y * (slower * _whole(xp, shares))
     brake, by, goes = _accelerated(xp, scaled, last, tick, limits)
-    mixed = xp.where(_whole(xp, allowed(goes)) >= 1.0 - 1e-9, goes, brake)
+    mixed = xp.where(_whole(xp, allowed(goes, 1.0)) >= 1.0 - 1e-9, goes, brake)
     rates = xp.where(halt > 0.0, brake, mixed)
     kept = _share(xp, (asked * y).sum(), (asked * asked).sum())
     done = _share(xp, (v * (J @ rates)).sum(), (v * v).sum())
-    told = xp.concatenate([xp.stack([slowed, xp.minimum(kept, 1.0)]), shares, xp.stack([by])])
+    told = [slowed, xp.minimum(kept, 1.0), *(shares[i] for i in range(4)), slower * by]
     lost = _lost(xp, tree, turns, xp.where(least.v @ away > 0.0, -least.u, least.u))
     tick_ = Tick(
         radians * rates, far, radians * (x + offset), radians * away, lost, -(away @ rates), done,
-        told, halt,
+        xp.stack(told), halt,
     )  # fmt: skip
-    return tick_, Memory(tick_.rates, q, tick, points, ages, count)
+    return tick_, Memory(tick_.rates, radians * y, q, tick, points, ages, count)
 
 
 def _follower(xp: Any, tree: Structure, p: Parameters, x: Any, fading: Any, radians: Any) -> Any:
@@ -497,17 +503,20 @@ def _held_off(xp: Any, y: Any, one: Followed, limits: Limits) -> Any:
 
 
 def _shares(
-    xp: Any, y: Any, x: Any, known: list[Followed], turned: Any, dt: Any, limits: Limits
-) -> Any:
+    xp: Any, y: Any, x: Any, known: list[Followed], turned: Any, dt: Any, braking: float,
+    limits: Limits,
+) -> Any:  # fmt: skip
     """Return the shares (4,) of y that its limits but acceleration leave; see `_whole`.
 
     Those of position and stopping distance are of what rates and wheels leave. An arm that brakes
-    in a straight line comes y (dt + T / 2) far, T the time that it takes.
+    in a straight line, by a share `braking` of the accelerations, comes y (dt + T / 2) far, T the
+    time that it takes.
     """
     rate = _at_most(xp, _extreme(xp.maximum, xp.absolute(y) / limits.rate), 1.0)
     wheels = _at_most(xp, _norm(xp, turned @ y) * rate, limits.wheels)
     y = y * (rate * wheels)
-    size, time = _norm(xp, y), _extreme(xp.maximum, xp.absolute(y) / limits.acceleration)
+    size = _norm(xp, y)
+    time = _extreme(xp.maximum, xp.absolute(y) / (braking * limits.acceleration))
 
     def reaches(way: Any, rate: Any) -> Any:
         """Return the share s with rate (s dt + s^2 T / 2) = way, at most 1."""
@@ -555,22 +564,18 @@ def _accelerated(xp: Any, y: Any, last: Any, dt: Any, limits: Limits) -> tuple[A
     time = _extreme(xp.maximum, xp.absolute(last) / limits.acceleration)
     goes_on = time > dt
     brake = last * xp.where(goes_on, 1.0 - dt / xp.where(goes_on, time, 1.0), 0.0)
-    low, high, by = 0.0 * dt, 1.0 + 0.0 * dt, 1.0 + 0.0 * dt
-    for j in range(len(y)):
-        moves = xp.absolute(y[j]) > 0.0
-        rate = xp.where(moves, y[j], 1.0)
-        ends = (last[j] - most[j]) / rate, (last[j] + most[j]) / rate
-        fits = xp.absolute(last[j]) <= most[j]
-        low = xp.maximum(low, xp.where(moves, xp.minimum(*ends), xp.where(fits, 0.0, np.inf)))
-        high = xp.minimum(high, xp.where(moves, xp.maximum(*ends), high))
-        change, room = y[j] - brake[j], brake[j] - last[j]
-        differs = xp.absolute(change) > 0.0
-        left = most[j] - xp.where(change > 0.0, room, -room)
-        share = xp.maximum(left, 0.0) / xp.where(differs, xp.absolute(change), 1.0)
-        by = xp.where(differs, xp.minimum(by, share), by)
+    moves, change = xp.absolute(y) > 0.0, y - brake
+    rate, rests = xp.where(moves, y, 1.0), xp.absolute(last) <= most
+    ends = (last - most) / rate, (last + most) / rate
+    least = xp.where(moves, xp.minimum(*ends), xp.where(rests, 0.0, LARGEST))
+    low = xp.maximum(_extreme(xp.maximum, least), 0.0)
+    high = _extreme(xp.minimum, xp.where(moves, xp.maximum(*ends), LARGEST))
     along = low <= high
-    goes = xp.where(along, xp.where(along, high, 0.0) * y, brake + by * (y - brake))
-    return brake, xp.where(along, high, by), goes
+    share = xp.where(along, xp.minimum(xp.maximum(low, 1.0), high), 0.0)
+    left = xp.maximum(most - xp.where(change > 0.0, brake - last, last - brake), 0.0)
+    by = _extreme(xp.minimum, _at_most(xp, xp.absolute(change), left))
+    goes = xp.where(along, share * y, brake + by * change)
+    return brake, xp.where(along, xp.minimum(share, 1.0), by), goes
 
 
 def _norm(xp: Any, x: Any) -> Any:
