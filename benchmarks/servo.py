@@ -10,15 +10,19 @@ degrees away from the set. All three scale their rates to the same limits.
 - halting: the twist is slowed from a condition number of 17 on and halts at 30, unless it falls.
 
 Printed of each arm: the share of the commanded motion that is done; the nearest that any run comes
-to the set, searched anew four times a second along each run by `distances_found`, which knows
-nothing of the servo; of the servo also whether any limit was exceeded, and in which share of the
-steps farther away than `slow` the direction was off by more than a degree: where accelerations do
-not allow it at once. The other two fly the first eight of the runs.
+to the set, searched anew along each run by `NearestSearch`, which knows nothing of the servo; of
+the servo also whether any limit was exceeded, and in which share of the steps farther away than
+`slow` the direction was off by more than a degree. The other two fly the first eight of the runs.
+
+The postures that are searched are four a second, but those that cannot be the nearest: the distance
+falls by no more than the way in joint space.
 """
 
 from __future__ import annotations
 
+import os
 import sys
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
@@ -26,22 +30,24 @@ import spacearm as sa
 from spacearm.equations import servo as ticks
 from spacearm.equations.servo import Tick
 from spacearm.mechanics.arm_kernels import WIDE, ArmKernel
-from spacearm.singularities.nearest import distances_found
+from spacearm.model.joints import joint_scales
+from spacearm.singularities.nearest import NearestSearch
 
 ARMS = ("planar2", "planar3", "mda6", "ssrms", "chaser7", "cubesat_xarm")
 DT, SECONDS, LOOKS = 0.01, 60.0, 0.25
 RATE, ACCELERATION, WISHED = 0.5, 2.0, 0.1
-OTHERS = 8
+OTHERS, TOGETHER = 8, 100
+"""Runs of the other two, and those that fly side by side."""
 SLOWED, HALTED = 17.0, 30.0
 DAMPED = sa.DampedLeastSquares(target=(0.0,))
 
 
-def wishes(arm: sa.SpaceArm, Q: np.ndarray) -> np.ndarray:
+def wishes(arm: sa.SpaceArm, Q: np.ndarray, seed: int) -> np.ndarray:
     """Smooth twists (steps, m, 6 tips) from postures Q (m, n): sums of four slow sines.
 
     Of a size that takes a joint rate of `WISHED` at the median posture.
     """
-    rng, (m, _), size = np.random.default_rng(1), Q.shape, 6 * len(arm.tips)
+    rng, (m, _), size = np.random.default_rng((1, seed)), Q.shape, 6 * len(arm.tips)
     length = max(map(arm.tree.way_to, arm.tips))
     A = rng.normal(size=(4, m, size)) * np.where(np.arange(size) % 6 < 3, length, 1.0)
     W, P = rng.uniform(0.05, 0.8, (4, m, 1)), rng.uniform(0.0, 6.0, (4, m, 1))
@@ -52,14 +58,20 @@ def wishes(arm: sa.SpaceArm, Q: np.ndarray) -> np.ndarray:
     return np.array(sum(a * np.sin(w * t + p) for a, w, p in zip(A, W, P, strict=True)))
 
 
-def starts(arm: sa.SpaceArm, m: int) -> np.ndarray:
+def starts(arm: sa.SpaceArm, m: int, seed: int) -> np.ndarray:
     """Random postures (m, n) within the limits and more than 15 degrees away from the set."""
-    rng, found = np.random.default_rng(0), []
+    rng, found = np.random.default_rng((0, seed)), []
     while len(found) < m:
         q = rng.uniform(np.maximum(arm.lower, -2.0), np.minimum(arm.upper, 2.0))
-        if distances_found(arm, "free-floating", q[None])[0] > np.radians(15.0):
+        if searched(arm, q) > np.radians(15.0):
             found.append(q)
     return np.array(found)
+
+
+def searched(arm: sa.SpaceArm, q: np.ndarray) -> float:
+    """How far the nearest singular posture is that is found from q (n,) [rad]."""
+    found = NearestSearch(arm, "free-floating", q[None]).nearest()
+    return np.inf if found is None else float(np.linalg.norm(found))
 
 
 class Flight:
@@ -79,8 +91,21 @@ class Flight:
 
     def closest(self) -> float:
         """The nearest of all [rad], searched anew."""
-        ways = np.array(self.seen).swapaxes(0, 1)
-        return min(distances_found(self.arm, "free-floating", way).min() for way in ways)
+        best = np.inf
+        for way in np.array(self.seen).swapaxes(0, 1):
+            x, open_ = way / joint_scales(self.arm), [(0, len(way))]
+            while open_:
+                low, high = open_.pop()
+                i = (low + high) // 2
+                distance = searched(self.arm, way[i])
+                best = min(best, distance)
+                left = np.linalg.norm(x[low:high] - x[i], axis=1) > distance - best
+                before, after = np.flatnonzero(left[: i - low]), np.flatnonzero(left[i - low :])
+                if before.size:
+                    open_.append((low, low + before[-1] + 1))
+                if after.size:
+                    open_.append((i + after[0], high))
+        return best
 
 
 def tasks(arm: sa.SpaceArm, Q: np.ndarray, twist: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -115,8 +140,8 @@ def rival(arm: sa.SpaceArm, Q: np.ndarray, twists: np.ndarray, halts: bool) -> F
     return flight
 
 
-def led(arm: sa.SpaceArm, Q: np.ndarray, twists: np.ndarray) -> tuple[Flight, float, float]:
-    """Fly by the servo; also the largest excess of a limit, and the share of steps off course."""
+def led(arm: sa.SpaceArm, Q: np.ndarray, twists: np.ndarray) -> tuple[Flight, float, int, int]:
+    """Fly by the servo; also the largest excess of a limit, the steps off course and far away."""
     servo, (m, n), tips = (
         sa.Servo(arm, rates=RATE, accelerations=ACCELERATION),
         Q.shape,
@@ -161,20 +186,35 @@ def led(arm: sa.SpaceArm, Q: np.ndarray, twists: np.ndarray) -> tuple[Flight, fl
             arm.lower - flight.Q,
         ]
         excess, last = max(excess, *(part.max() for part in beyond)), dq
-    return flight, excess, off / max(far, 1)
+    return flight, excess, off, far
+
+
+def batch(name: str, first: int, runs: int) -> tuple[np.ndarray, list[float]]:
+    """Fly a batch of runs: (6,) sums, minus the nearest, the excess; what the others do."""
+    arm, m = sa.load(name), min(TOGETHER, runs - first)
+    Q = starts(arm, m, first)
+    twists = wishes(arm, Q, first)
+    flight, excess, off, far = led(arm, Q, twists)
+    others = []
+    for halts in (False, True) if first == 0 else ():
+        other = rival(arm, Q[:OTHERS], twists[:, :OTHERS], halts)
+        others += [other.done / other.asked, np.degrees(other.closest())]
+    near = np.degrees(flight.closest())
+    return np.array([flight.done, flight.asked, off, far, -near, excess]), others
 
 
 if __name__ == "__main__":
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     print(f"{'':14}{'servo':>8}{'':>9}{'excess':>10}{'off':>10}{'damped':>9}{'':>9}{'halting':>9}")
-    for name in sys.argv[2:] or ARMS:
-        arm = sa.load(name)
-        Q = starts(arm, runs)
-        twists = wishes(arm, Q)
-        flight, excess, off = led(arm, Q, twists)
-        near = np.degrees(flight.closest())
-        words = [f"{flight.done / flight.asked:8.0%}{near:8.2f}°{excess:10.0e}{off:10.2%}"]
-        for halts in (False, True):
-            other = rival(arm, Q[:OTHERS], twists[:, :OTHERS], halts)
-            words.append(f"{other.done / other.asked:9.0%}{np.degrees(other.closest()):8.2f}°")
-        print(f"{name:14}{''.join(words)}", flush=True)
+    with ProcessPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        flown = {
+            name: [pool.submit(batch, name, first, runs) for first in range(0, runs, TOGETHER)]
+            for name in sys.argv[2:] or ARMS
+        }
+        for name, batches in flown.items():
+            sums, (others, *_) = zip(*(one.result() for one in batches), strict=True)
+            done, asked, off, far = np.sum(sums, axis=0)[:4]
+            near, excess = np.max(sums, axis=0)[4:] * (-1.0, 1.0)
+            words = [f"{done / asked:8.0%}{near:8.2f}°{excess:10.0e}{off / max(far, 1):10.4%}"]
+            words += [f"{others[i]:9.0%}{others[i + 1]:8.2f}°" for i in (0, 2)]
+            print(f"{name:14}{''.join(words)}", flush=True)

@@ -9,11 +9,13 @@ distance d to the set may fall no faster than
 what of dq leads faster towards the set is taken out; motions along it and away stay. Null spaces
 raise the distance. Then the rates are scaled so that rates, accelerations and the momentum that
 wheels take up keep their limits, and so that an arm that brakes from now on stays within its limits
-of position and beyond `stop`. A change of direction that the accelerations do not allow is mixed
-with braking instead. Braking is always allowed by what held a tick before.
+of position and beyond `stop`. A quarter of the accelerations is left to turn by: where what does
+all of the wish changes faster, by its own turning or that of J*, all is slowed until that suffices.
+A change of direction that the accelerations do not allow is mixed with braking instead, after a
+jump of the wish. Braking is always allowed by what held a tick before.
 
-The distance is that to singular postures that are followed from tick to tick: three, the nearest
-that are known, and two scouts that set out from the first-order estimate and at random, and take
+The distance is that to singular postures that are followed from tick to tick: four, the nearest
+that are known, and three scouts that set out from the first-order estimate and at random, and take
 the place of the farthest when they come to rest nearer. So each of them is found, and the nearest
 of all is no farther. All angles x count in radians of each joint; see `model.joints.joint_scales`.
 """
@@ -40,21 +42,24 @@ from spacearm.equations.measures import distance
 
 Frame = Literal["inertial", "spacecraft", "tip"]
 """Axes in which the twist is given."""
-KEPT, SCOUTS = 3, 2
+KEPT, SCOUTS = 4, 3
 """Singular postures that are followed, and those that look for nearer ones."""
 SLOTS = KEPT + SCOUTS
 PATIENCE, SEARCH = 12, 60
 """Ticks until a scout sets out again, and until motion begins after nothing was known."""
-ON, OFF, AT_REST, APART, STRIDE, ALONG = 0.01, 0.1, 0.05, 0.05, 0.4, 0.7
+ON, OFF, AT_REST, APART, STRIDE = 0.01, 0.1, 0.05, 0.05, 0.4
 """Residual up to which a scout is on the set, beyond which a posture that is followed has lost it,
-step below which a scout is at rest, distance below which two are one, longest step [rad]; share of
-the way along the set that each tick takes."""
+step below which a scout is at rest, distance below which two are one, longest step [rad]."""
+WEIGHT, SHORTEST = 20.0, 0.01
+"""What a radian from the set counts; share of a step that is taken in any case."""
 BEYOND, WITHIN = 1.2, 1.5
 """Scouts set out within this times the distance, and no farther than that [rad]."""
 EDGE, MARGIN = 0.02, 0.01
 """Shares of `stop` beyond it where rates towards the set end, and before which an arm can stop."""
 OUTWARD = 0.1
 """Share of the rates that leads out within that edge."""
+TURNING = 0.25
+"""Share of the accelerations that is left to turn by."""
 NO_INVERSE = 1e-9
 """Share of the norm of J* up to which its least singular value is zero."""
 DAMPING = 1e-5
@@ -125,17 +130,25 @@ class Memory(NamedTuple):
 
     Attributes:
         rates: (n,) the last joint rates [rad/s] or [m/s].
+        wished: (n,) those that do all of the wished twist.
         q: (n,) the last joint positions [rad] or [m].
         dt: The last time of a tick [s].
         points: (SLOTS, n) singular postures that are followed, and scouts, in radians.
+        ways: (SLOTS, n) where each goes: to the nearest point of the set linearised there.
+        strides: (SLOTS,) share of that way that is tried next.
+        residuals: (SLOTS,) how far each is from the set [rad].
         ages: (SLOTS,) ticks since each set out; of those that are followed 0.
         count: Ticks since the search began; negative where nothing is known.
     """
 
     rates: Any
+    wished: Any
     q: Any
     dt: Any
     points: Any
+    ways: Any
+    strides: Any
+    residuals: Any
     ages: Any
     count: Any
 
@@ -168,19 +181,13 @@ class Tick(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """A posture on its way along the set.
-
-    Attributes:
-        point: (n,) where it goes [rad].
-        offset: (n,) of the nearest point of the set linearised there, from the arm's posture.
-        far: Residual: its own distance from the set.
-        way: Length of the step that it would take.
-    """
+    """A posture on its way along the set: as in `Memory`, and its offset from the arm's posture."""
 
     point: Any
-    offset: Any
-    far: Any
     way: Any
+    stride: Any
+    far: Any
+    offset: Any
 
 
 def shapes(kind: Any, n: int, tips: int) -> dict[str, tuple[int, ...]]:
@@ -189,7 +196,8 @@ def shapes(kind: Any, n: int, tips: int) -> dict[str, tuple[int, ...]]:
                "closing", "done", "halt")  # fmt: skip
     known: dict[str, tuple[int, ...]] = dict.fromkeys(numbers, ())
     known |= {"quaternion": (4,), "momentum": (6,), "twist": (6 * tips,), "lost": (6 * tips,)}
-    known |= {"points": (SLOTS, n), "ages": (SLOTS,), "shares": (len(CAUSES),)}
+    known |= dict.fromkeys(("points", "ways"), (SLOTS, n)) | {"shares": (len(CAUSES),)}
+    known |= dict.fromkeys(("strides", "residuals", "ages"), (SLOTS,))
     return {name: known.get(name, (n,)) for name in kind._fields}
 
 
@@ -226,10 +234,17 @@ def flat_step(
     return packed((*tick, *memory), xp)
 
 
-def unknowing(n: int, q: Any) -> Memory:
-    """Return the memory of a servo at rest at q (n,) that knows no singular posture."""
-    zero = np.zeros(n)
-    return Memory(zero, q, 0.0, np.zeros((SLOTS, n)), np.full(SLOTS, 1.0 + PATIENCE), -1.0)
+def unknowing(n: int, q: Any, points: Any = ()) -> Memory:
+    """Return the memory of a servo at rest at q (n,) that knows singular points (m, n), m <= KEPT.
+
+    They are in radians. Without any the servo searches before it moves.
+    """
+    zero, every, m = np.zeros(n), np.zeros((SLOTS, n)), len(points)
+    ages, count = np.full(SLOTS, 1.0 + PATIENCE), -1.0
+    if m:
+        every[:m], ages[:m], count = points, 0.0, float(SEARCH)
+    ones = np.ones(SLOTS)
+    return Memory(zero, zero, q, 0.0, every, 0.0 * every, ones, LARGEST * ones, ages, count)
 
 
 def step(
@@ -282,7 +297,7 @@ def step(
     fresh = xp.logical_or(jumps, xp.logical_not(began))
     count = xp.where(fresh, 0.0, memory.count + 1.0)
     follow = _follower(xp, tree, p, x, limits.fading, radians)
-    known, points, ages = _follow(xp, follow, x, estimate, memory, fresh, count, limits.stop)
+    known, after = _follow(xp, follow, x, estimate, memory, fresh, count, limits.stop)
     searching = count < SEARCH
     halt = xp.where(halt > 0.0, halt, xp.where(jumps, 6.0, xp.where(searching, 7.0, 0.0)))
 
@@ -302,95 +317,124 @@ def step(
         for one in known:
             y = _held_off(xp, y, one, limits)
     turned = at.P[:, 3:].T @ tree.gains * radians
+    change = xp.absolute(y - memory.wished / radians) / limits.acceleration
+    slower = _at_most(xp, _extreme(xp.maximum, change), TURNING * tick)
 
-    def allowed(y: Any) -> Any:
-        return _shares(xp, y, x, known, turned, tick, limits)
+    def allowed(y: Any, braking: float) -> Any:
+        return _shares(xp, y, x, known, turned, tick, braking, limits)
 
-    shares = allowed(y)
-    scaled = y * _whole(xp, shares)
+    shares = allowed(slower * y, 1.0 - TURNING)
+    scaled = y * (slower * _whole(xp, shares))
     brake, by, goes = _accelerated(xp, scaled, last, tick, limits)
-    mixed = xp.where(_whole(xp, allowed(goes)) >= 1.0 - 1e-9, goes, brake)
+    mixed = xp.where(_whole(xp, allowed(goes, 1.0)) >= 1.0 - 1e-9, goes, brake)
     rates = xp.where(halt > 0.0, brake, mixed)
     kept = _share(xp, (asked * y).sum(), (asked * asked).sum())
     done = _share(xp, (v * (J @ rates)).sum(), (v * v).sum())
-    told = xp.concatenate([xp.stack([slowed, xp.minimum(kept, 1.0)]), shares, xp.stack([by])])
+    told = [slowed, xp.minimum(kept, 1.0), *(shares[i] for i in range(4)), slower * by]
     lost = _lost(xp, tree, turns, xp.where(least.v @ away > 0.0, -least.u, least.u))
     tick_ = Tick(
         radians * rates, far, radians * (x + offset), radians * away, lost, -(away @ rates), done,
-        told, halt,
+        xp.stack(told), halt,
     )  # fmt: skip
-    return tick_, Memory(tick_.rates, q, tick, points, ages, count)
+    return tick_, after._replace(rates=tick_.rates, wished=radians * y, q=q, dt=tick)
 
 
 def _follower(xp: Any, tree: Structure, p: Parameters, x: Any, fading: Any, radians: Any) -> Any:
-    """Return a function that takes a posture (n,) a step along the set, towards x (n,)."""
+    """Return a function that takes a posture a step along the set, towards x (n,).
 
-    def follow(point: Any) -> tuple[Any, Any, Any, Any]:
+    A step that does not lower the distance from x and `WEIGHT` times that from the set is tried
+    anew at the next tick, shorter.
+    """
+
+    def follow(base: Any, way: Any, stride: Any, residual: Any) -> tuple[Any, ...]:
+        size = _norm(xp, way)
+        point = base + stride * _at_most(xp, size, STRIDE) * way
         far, _, rows = distance(xp, tree, p, radians * point, fading, radians)
         X = point - x
-        along, first = rows @ X, xp.where(far < np.inf, far, 0.0) * np.eye(len(rows))[0]
-        offset = (along - first) @ rows
-        onto, aside = -first @ rows, along @ rows - X
-        way = onto + ALONG * aside
-        size = _norm(xp, way)
-        short = xp.where(size > STRIDE, STRIDE / xp.where(size > 0.0, size, 1.0), 1.0)
-        there = xp.logical_and(far < LARGEST, size < LARGEST)
+        first = xp.where(far < np.inf, far, 0.0) * np.eye(len(rows))[0]
+        offset = (rows @ X - first) @ rows
+        onward = offset - X
+        merit, before = _norm(xp, X) + WEIGHT * far, _distance(xp, base, x) + WEIGHT * residual
+        sound = xp.logical_and(far < LARGEST, _norm(xp, onward) < LARGEST)
+        better = xp.logical_or(merit <= before, stride <= SHORTEST)
+        better = xp.logical_and(better, sound)
         return (
-            xp.where(there, point + short * way, np.inf), offset, xp.where(there, far, np.inf),
-            _norm(xp, offset - X),
+            xp.where(better, point, base), xp.where(better, onward, way),
+            xp.where(better, xp.minimum(2.0 * stride, 1.0), 0.25 * stride),
+            xp.where(better, far, residual), xp.where(better, offset, base - x),
         )  # fmt: skip
 
     called = xp.procedure(follow)
-    return lambda point: Followed(*called(point))
+    return lambda *begun: Followed(*called(*begun))
 
 
 def _follow(
     xp: Any, follow: Any, x: Any, estimate: Any, memory: Memory, fresh: Any, count: Any, stop: Any
-) -> tuple[list[Followed], Any, Any]:
-    """Take a step with all postures that are followed; scouts set out, or take a place."""
-    found = [follow(memory.points[i]) for i in range(SLOTS)]
+) -> tuple[list[Followed], Memory]:
+    """Take a step with all postures that are followed; scouts set out, or take a place.
+
+    Returns:
+        Those that are followed, `far` their distance, and the memory of all.
+    """
+    found = [
+        follow(memory.points[i], memory.ways[i], memory.strides[i], memory.residuals[i])
+        for i in range(SLOTS)
+    ]
     ages = [xp.where(fresh, 1.0 + PATIENCE, memory.ages[i]) for i in range(SLOTS)]
     sizes = [_size(xp, found[i], ages[i], OFF if i < KEPT else ON) for i in range(SLOTS)]
-    kept = list(found[:KEPT])
     for i in range(KEPT):  # two that have become one
-        same = [_distance(xp, kept[i].point, kept[j].point) < APART for j in range(i)]
-        for one in same:
-            sizes[i] = xp.where(one, np.inf, sizes[i])
+        for j in range(i):
+            same = _distance(xp, found[i].point, found[j].point) < APART
+            sizes[i] = xp.where(same, np.inf, sizes[i])
     nearest = _extreme(xp.minimum, sizes[:KEPT])
     wide = xp.minimum(BEYOND * xp.maximum(nearest, stop), WITHIN)
     hint = x - xp.where(estimate[0] < WITHIN, estimate[0], WITHIN) * estimate[2][0]
     spread = np.array([_root(len(x)) ** -(j + 1.0) for j in range(len(x))]) * count
-    chance = x + wide * sqrt(3.0 / len(x)) * (2.0 * (spread - xp.floor(spread)) - 1.0)
-    points = [one.point for one in found]
-    for i, start in zip(range(KEPT, SLOTS), (hint, chance), strict=True):
+    starts = [
+        x + wide * sqrt(3.0 / len(x)) * (2.0 * (part - xp.floor(part)) - 1.0)
+        for part in (spread + i / SCOUTS for i in range(SCOUTS))
+    ]
+    half = 0.5 * count
+    starts[0] = xp.where(half - xp.floor(half) < 0.25, hint, starts[0])
+    one = 1.0 + 0.0 * stop
+    for i, start in zip(range(KEPT, SLOTS), starts, strict=True):
         scout = found[i]
-        apart = sizes[i] < np.inf
+        new = sizes[i] < np.inf
         for j in range(KEPT):
-            other = _distance(xp, scout.point, points[j]) > APART
-            apart = xp.logical_and(apart, xp.logical_or(other, xp.logical_not(sizes[j] < np.inf)))
-        rests = xp.logical_and(apart, scout.way < AT_REST)
+            other = _distance(xp, scout.point, found[j].point) > APART
+            new = xp.logical_and(new, xp.logical_or(other, xp.logical_not(sizes[j] < np.inf)))
+        rests = xp.logical_and(sizes[i] < np.inf, _norm(xp, scout.way) < AT_REST)
         worst, place = sizes[0], 0.0 * stop
         for j in range(1, KEPT):
             farther = sizes[j] > worst
             worst, place = xp.where(farther, sizes[j], worst), xp.where(farther, 1.0 * j, place)
-        takes = xp.logical_and(rests, sizes[i] < worst)
+        takes = xp.logical_and(xp.logical_and(rests, new), sizes[i] < worst)
         for j in range(KEPT):
             mine = xp.logical_and(takes, xp.absolute(place - j) < 0.5)
-            points[j] = xp.where(mine, scout.point, points[j])
-            kept[j] = Followed(*(xp.where(mine, a, b) for a, b in zip(scout, kept[j], strict=True)))
+            found[j] = _either(xp, mine, scout, found[j])
             sizes[j], ages[j] = xp.where(mine, sizes[i], sizes[j]), xp.where(mine, 0.0, ages[j])
-        on_the_way = xp.logical_and(ages[i] < PATIENCE, scout.far < np.inf)
-        goes = xp.logical_and(on_the_way, xp.logical_not(takes))
-        points[i] = xp.where(goes, scout.point, start)
+        goes = xp.logical_and(ages[i] < PATIENCE, xp.logical_not(rests))
+        begins = Followed(start, 0.0 * x, one, LARGEST * one, 0.0 * x)
+        found[i] = _either(xp, goes, scout, begins)
         ages[i] = xp.where(goes, ages[i] + 1.0, 0.0)
     known = []
     for j in range(KEPT):
         there = sizes[j] < np.inf
-        offset = xp.where(there, kept[j].offset, 0.0)
-        known.append(kept[j]._replace(offset=offset, far=xp.where(there, sizes[j], np.inf)))
+        offset = xp.where(there, found[j].offset, 0.0)
+        known.append(found[j]._replace(offset=offset, far=xp.where(there, sizes[j], np.inf)))
         ages[j] = xp.where(there, 0.0, 1.0 + PATIENCE)
-        points[j] = xp.where(kept[j].far < np.inf, points[j], x)
-    return known, xp.stack(points), xp.stack(ages)
+    points, ways, strides, residuals = (
+        xp.stack(list(part)) for part in [*zip(*found, strict=True)][:4]
+    )
+    return known, memory._replace(
+        points=points, ways=ways, strides=strides, residuals=residuals, ages=xp.stack(ages),
+        count=count,
+    )  # fmt: skip
+
+
+def _either(xp: Any, mask: Any, one: Followed, other: Followed) -> Followed:
+    """Return one where the mask holds, else the other."""
+    return Followed(*(xp.where(mask, a, b) for a, b in zip(one, other, strict=True)))
 
 
 def _size(xp: Any, one: Followed, age: Any, residual: float) -> Any:
@@ -497,17 +541,20 @@ def _held_off(xp: Any, y: Any, one: Followed, limits: Limits) -> Any:
 
 
 def _shares(
-    xp: Any, y: Any, x: Any, known: list[Followed], turned: Any, dt: Any, limits: Limits
-) -> Any:
+    xp: Any, y: Any, x: Any, known: list[Followed], turned: Any, dt: Any, braking: float,
+    limits: Limits,
+) -> Any:  # fmt: skip
     """Return the shares (4,) of y that its limits but acceleration leave; see `_whole`.
 
     Those of position and stopping distance are of what rates and wheels leave. An arm that brakes
-    in a straight line comes y (dt + T / 2) far, T the time that it takes.
+    in a straight line, by a share `braking` of the accelerations, comes y (dt + T / 2) far, T the
+    time that it takes.
     """
     rate = _at_most(xp, _extreme(xp.maximum, xp.absolute(y) / limits.rate), 1.0)
     wheels = _at_most(xp, _norm(xp, turned @ y) * rate, limits.wheels)
     y = y * (rate * wheels)
-    size, time = _norm(xp, y), _extreme(xp.maximum, xp.absolute(y) / limits.acceleration)
+    size = _norm(xp, y)
+    time = _extreme(xp.maximum, xp.absolute(y) / (braking * limits.acceleration))
 
     def reaches(way: Any, rate: Any) -> Any:
         """Return the share s with rate (s dt + s^2 T / 2) = way, at most 1."""
@@ -555,22 +602,18 @@ def _accelerated(xp: Any, y: Any, last: Any, dt: Any, limits: Limits) -> tuple[A
     time = _extreme(xp.maximum, xp.absolute(last) / limits.acceleration)
     goes_on = time > dt
     brake = last * xp.where(goes_on, 1.0 - dt / xp.where(goes_on, time, 1.0), 0.0)
-    low, high, by = 0.0 * dt, 1.0 + 0.0 * dt, 1.0 + 0.0 * dt
-    for j in range(len(y)):
-        moves = xp.absolute(y[j]) > 0.0
-        rate = xp.where(moves, y[j], 1.0)
-        ends = (last[j] - most[j]) / rate, (last[j] + most[j]) / rate
-        fits = xp.absolute(last[j]) <= most[j]
-        low = xp.maximum(low, xp.where(moves, xp.minimum(*ends), xp.where(fits, 0.0, np.inf)))
-        high = xp.minimum(high, xp.where(moves, xp.maximum(*ends), high))
-        change, room = y[j] - brake[j], brake[j] - last[j]
-        differs = xp.absolute(change) > 0.0
-        left = most[j] - xp.where(change > 0.0, room, -room)
-        share = xp.maximum(left, 0.0) / xp.where(differs, xp.absolute(change), 1.0)
-        by = xp.where(differs, xp.minimum(by, share), by)
+    moves, change = xp.absolute(y) > 0.0, y - brake
+    rate, rests = xp.where(moves, y, 1.0), xp.absolute(last) <= most
+    ends = (last - most) / rate, (last + most) / rate
+    least = xp.where(moves, xp.minimum(*ends), xp.where(rests, 0.0, LARGEST))
+    low = xp.maximum(_extreme(xp.maximum, least), 0.0)
+    high = _extreme(xp.minimum, xp.where(moves, xp.maximum(*ends), LARGEST))
     along = low <= high
-    goes = xp.where(along, xp.where(along, high, 0.0) * y, brake + by * (y - brake))
-    return brake, xp.where(along, high, by), goes
+    share = xp.where(along, xp.minimum(xp.maximum(low, 1.0), high), 0.0)
+    left = xp.maximum(most - xp.where(change > 0.0, brake - last, last - brake), 0.0)
+    by = _extreme(xp.minimum, _at_most(xp, xp.absolute(change), left))
+    goes = xp.where(along, share * y, brake + by * change)
+    return brake, xp.where(along, xp.minimum(share, 1.0), by), goes
 
 
 def _norm(xp: Any, x: Any) -> Any:
