@@ -1,4 +1,4 @@
-"""Recorded pages of the gallery: scenes to turn and motions to play, without installing anything."""
+"""Recorded pages of the gallery: scenes to turn and motions to play without an installation."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def turn() -> Viewer:
 def servicer() -> Viewer:
     """A UR5 on a small servicer reaches past a box; its ghost shows the arm on a fixed base."""
     begin = sa.load("servicer_ur5").at([0.0, -1.05, 1.4, 0.35, 1.57, 0.0])
-    goal = sa.move(begin, begin.q + [0.9, 0.3, -0.5, 0.2, 0.1, 0.0]).tip
+    goal = sa.move(begin, [0.9, -0.75, 0.9, 0.55, 1.67, 0.0]).tip
     box = sa.Obstacle.box((0.1, 0.1, 0.5), sa.pose((0.75, 0.35, 0.5)), name="box")
     plan = sa.plan(begin, goal, duration=8.0, constraints=sa.Constraints(obstacles=[box]))
     return sa.view(plan, compare="fixed", open=False)
