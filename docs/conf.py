@@ -10,6 +10,8 @@ sys.path.insert(0, str(HERE / "_ext"))
 
 import generated  # noqa: E402
 import links  # noqa: E402
+import parameters  # noqa: E402
+import recorded  # noqa: E402
 
 import examples  # noqa: E402
 
@@ -32,6 +34,7 @@ html_theme = "furo"
 html_title = f"spacearm {version}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_extra_path = ["generated/site"]  # recorded pages
 html_theme_options = {"navigation_with_keys": True}
 html_show_sphinx = False
 
@@ -62,10 +65,12 @@ def setup(app):
     """Write what is generated, copy the lessons; check all links of the pages at the end."""
     generated.write(HERE)
     examples.write(HERE)
+    recorded.write(HERE)
     app.extensions["sphinx-mathjax-offline"].parallel_read_safe = True  # it adds files alone
     copy_lessons()
     app.connect("autodoc-process-docstring", escape_bars)
     app.connect("autodoc-skip-member", skip_fields)
+    app.connect("object-description-transform", parameters.tabulate)
     app.connect("build-finished", links.check)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
