@@ -212,17 +212,11 @@ class Batch:
 
     def compute(
         self,
-        function: Callable[..., Any],
-        runs: Whole,
-        inputs: Mapping[str, Array],
-        numbers: Mapping[str, Array | float] | None = None,
-        rows: Array | None = None,
-        *,
-        out: Sequence[Array | None] = (),
-        lanes: int | None = None,
-        acts: bool = True,
+        function: Callable[..., Any], runs: Whole, inputs: Mapping[str, Array],
+        numbers: Mapping[str, Array | float] | None = None, rows: Array | None = None, *,
+        out: Sequence[Array | None] = (), lanes: int | None = None, acts: bool = True,
         **options: Any,
-    ) -> Any:
+    ) -> Any:  # fmt: skip
         """Compute a function for lanes of some runs; compiled when first needed.
 
         Args:
@@ -253,18 +247,13 @@ class Batch:
         each: dict[str, Array] = {}
         calls: dict[str, int] = {}
         if acts:
-            setup = (
-                self.setup
-                if function in (events_within, roots_within)
-                else self.setup._replace(events=())
-            )
+            watches = function in (events_within, roots_within)
+            setup = self.setup if watches else self.setup._replace(events=())
             bounds = len(self.setup.events) - len(setup.events)
             plant = self._plant[:, : self._plant.shape[1] - bounds]
             for name, values in (("laws", self._laws), ("plant", plant)):
-                if (values == values[0]).all():
-                    shared[name] = values[0]
-                else:
-                    each[name] = values
+                same = (values == values[0]).all()
+                (shared if same else each)[name] = values[0] if same else values
             calls, options = dict(setup.called(self.n)), {"setup": setup, **options}
         arms = self.arms[:1] if function is states_within else self.arms
         kernel = ArmKernel(
@@ -375,8 +364,7 @@ class Batch:
         """Compute a function of events within steps i (L,)."""
         runs = steps.run[i]
         inputs = {"i": steps.row[i].astype(float), "y": self.y[runs], **given}
-        found: Array = self.compute(function, runs, inputs, rows=steps.rows)
-        return found
+        return self.compute(function, runs, inputs, rows=steps.rows)
 
     def stop(self, run: int, t: float, y: Array, steps: Steps | None) -> None:
         """End a run at an event in one of these steps, or at the start, where its state is y."""
