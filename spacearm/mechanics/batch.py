@@ -22,14 +22,8 @@ from spacearm.equations import measures
 from spacearm.equations.kinematics import jacobian
 from spacearm.equations.plant import Pushed, Setup, loaded_accelerations
 from spacearm.errors import ConfigurationError, ModelError, listed, unknown
-from spacearm.mechanics.arm_kernels import (
-    WIDE,
-    ArmKernel,
-    evaluated,
-    parameters_of,
-    structure_of,
-    worth_compiling,
-)
+from spacearm.mechanics import arm_kernels
+from spacearm.mechanics.arm_kernels import ArmKernel, evaluated, worth_compiling
 from spacearm.mechanics.distance import distances
 from spacearm.mechanics.dynamics import forward_dynamics
 from spacearm.mechanics.jacobian import generalized_jacobian, singular_values_of, task_jacobian
@@ -255,7 +249,9 @@ def _measured(
     rows = max(len(Q), many)
     if names and worth_compiling(rows, SINGLY):
         options = {"names": names}
-        kernel = ArmKernel([arm], mode, measures.measures, options, lanes=WIDE, rows=rows)
+        kernel = ArmKernel(
+            [arm], mode, measures.measures, options, lanes=arm_kernels.WIDE, rows=rows
+        )
         found: Sequence[Array] = kernel({"q": Q}, out=out)
         return found
     columns = np.full((len(names), len(Q)), np.nan)
@@ -503,7 +499,7 @@ def _units(arm: SpaceArm, floating: bool) -> tuple[Array, Array]:
     They are made of the arm's size and of the mass that each joint moves, so that neither tiny nor
     huge arms, nor very light spacecraft, leave the range of floating-point numbers.
     """
-    tree, p = structure_of(arm), parameters_of(arm)
+    tree, p = arm_kernels.structure_of(arm), arm_kernels.parameters_of(arm)
     M = float(p.masses.sum())
     reach = np.linalg.norm(p.joint_positions, axis=1).sum() + np.linalg.norm(p.tip_positions[0])
     gyration = float(np.sqrt(np.trace(p.inertias, axis1=1, axis2=2).sum() / M))

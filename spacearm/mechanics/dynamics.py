@@ -30,22 +30,14 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from spacearm import results
 from spacearm.arrays import Array, finite, positive
 from spacearm.errors import ConfigurationError, ModelError, unknown
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
-from spacearm.results import (
-    Cell,
-    Column,
-    Description,
-    Measure,
-    Result,
-    Table,
-    joint_measures,
-    without_noise,
-)
+from spacearm.results import Description, Measure, Result
 from spacearm.signatures import checked
 
 Wrenches = Mapping[str, npt.ArrayLike]
@@ -83,15 +75,15 @@ class Dynamics(Result):
     def describe(self) -> Description:
         """Describe accelerations, torques and the wrench that holds the spacecraft."""
         slides = self.arm.slides
-        columns: dict[Column | str, Sequence[Cell]] = {
+        columns: dict[results.Column | str, Sequence[results.Cell]] = {
             "joint": self.arm.joint_names,
-            "acceleration": joint_measures(self.ddq, slides, per="/s²"),
+            "acceleration": results.joint_measures(self.ddq, slides, per="/s²"),
             "torque or force": [
                 Measure(x, "N" if slide else "N m")
-                for x, slide in zip(without_noise(self.tau), slides, strict=True)
+                for x, slide in zip(results.without_noise(self.tau), slides, strict=True)
             ],
         }
-        facts: dict[str, Cell] = {
+        facts: dict[str, results.Cell] = {
             "acceleration": Measure(self.base_acceleration[:3], "m/s²"),
             "angular acceleration": Measure(self.base_acceleration[3:], "rad/s²"),
             "velocity": Measure(self.twist[:3], "m/s"),
@@ -102,7 +94,7 @@ class Dynamics(Result):
         return Description(
             title=f"{self.arm.name}, dynamics of one state",
             notes=["inertial axes"],
-            tables=[Table.by_columns(columns), Table.facts(facts, "Spacecraft")],
+            tables=[results.Table.by_columns(columns), results.Table.facts(facts, "Spacecraft")],
             not_checked="limits of joints and torques, collisions",
         )
 
@@ -412,8 +404,8 @@ class Capture(Result):
     def describe(self) -> Description:
         """Describe the velocities, the momentum and the impulse of the grasp."""
         cfg, angular = self.configuration, self.twist[3:]
-        rates = joint_measures(self.dq, cfg.arm.slides, per="/s")
-        facts: dict[str, Cell] = {
+        rates = results.joint_measures(self.dq, cfg.arm.slides, per="/s")
+        facts: dict[str, results.Cell] = {
             "spacecraft, velocity": Measure(self.twist[:3], "m/s"),
             "spacecraft, angular velocity": Measure(angular, "rad/s"),
             "momentum": Measure(self.momentum[:3], "kg m/s"),
@@ -427,7 +419,7 @@ class Capture(Result):
             title=f"{cfg.arm.name} after the grasp",
             verdict=f"{self.energy_lost:.6g} J lost, the spacecraft turns at {turn:.3g}°/s",
             notes=["inertial axes; a plastic impact"],
-            tables=[Table.facts(facts)],
+            tables=[results.Table.facts(facts)],
         )
 
 

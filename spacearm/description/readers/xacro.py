@@ -11,14 +11,10 @@ from typing import NoReturn
 
 from lxml import etree
 
+from spacearm.description.readers import xacro_expansion
 from spacearm.description.readers.packages import Packages
 from spacearm.description.readers.source import WRITTEN, Source, apart, declared
-from spacearm.description.readers.xacro_expansion import (
-    Expansion,
-    MissingArgumentError,
-    MissingFileError,
-    XacroError,
-)
+from spacearm.description.readers.xacro_expansion import Expansion, XacroError
 from spacearm.errors import ModelError, unknown
 from spacearm.files import read
 
@@ -58,9 +54,9 @@ def _expanded(source: Source, written: etree._Element, expansion: Expansion) -> 
     """Return the root element of the URDF, errors and warnings as of `expanded`."""
     try:
         urdf = expansion.urdf()
-    except MissingArgumentError as error:
+    except xacro_expansion.MissingArgumentError as error:
         _fail_without_arguments(source, expansion, error.name)
-    except MissingFileError as error:
+    except xacro_expansion.MissingFileError as error:
         _fail_without_file(source, expansion, error)
     except XacroError as error:
         source.fail(f"is a xacro source: {error.problem}", error.remedy)
@@ -91,7 +87,9 @@ def _fail_without_arguments(source: Source, expansion: Expansion, name: str) -> 
     )
 
 
-def _fail_without_file(source: Source, expansion: Expansion, error: MissingFileError) -> NoReturn:
+def _fail_without_file(
+    source: Source, expansion: Expansion, error: xacro_expansion.MissingFileError
+) -> NoReturn:
     """Say which argument a missing file is named after, and which values have one."""
     named = instead(error.file, expansion.arguments)
     if named is None:
