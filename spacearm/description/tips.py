@@ -319,13 +319,8 @@ def hold(tree: Tree, tips: Sequence[str], joints: Counting) -> tuple[Tree, dict[
         joints: Which joints count; see `loading.load`.
 
     Raises:
-        ConfigurationError: joints is neither "tip", "all" nor names, or names no movable joint or
-            one that mimics another.
+        ConfigurationError: joints names no movable joint, or one that mimics another.
     """
-    if not isinstance(joints, Collection) or (
-        isinstance(joints, str) and joints not in ("tip", "all")
-    ):
-        raise ConfigurationError(f'joints is {joints!r}; give "tip", "all" or a list of names')
     leading = {joint.name: joint for joint in tree.leading()}
     counting = {tree.leader(joint).name for tip in tips for joint in tree.movable(tip)}
     if joints == "all":

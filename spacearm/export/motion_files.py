@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError, UnsupportedError, imported, listed, unknown
+from spacearm.errors import ConfigurationError, imported, listed, unknown
 from spacearm.files import write, write_folder
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
@@ -57,8 +57,6 @@ def write_motion(motion: Motion, path: str | os.PathLike[str]) -> Path:
         >>> path.read_text().split(",")[:2]
         ['t [s]', 'q joint_1 [rad]']
     """
-    if not isinstance(motion, Motion):
-        raise UnsupportedError(f"a {type(motion).__name__} is no motion; give one, as sa.plan does")
     path = Path(path)
     if path.suffix == ".zarr":
         return _zarr(motion, path)

@@ -51,8 +51,6 @@ class Task:
     tips: int = 1
 
     def __post_init__(self) -> None:
-        if not isinstance(self.names, str):
-            raise ConfigurationError(f"task is {self.names!r}; name its rows in one string")
         if self.length is not None and not (math.isfinite(self.length) and self.length > 0):
             raise ConfigurationError(
                 f"task length is {self.length}; give a positive length in metres"

@@ -305,19 +305,6 @@ def gains(values: npt.ArrayLike, rows: int, name: str) -> Array:
     return finite(values, (), name, f"(a gain), or {rows}, one for each row")
 
 
-def check_controller(controller: object) -> None:
-    """Refuse what cannot be called as a controller.
-
-    Raises:
-        ConfigurationError: It is text, a class or something else.
-    """
-    if isinstance(controller, type) or not callable(controller):
-        raise ConfigurationError(
-            f"controller is {controller!r}; give a law, such as sa.JointPD(target=q, kp=5, kd=15) "
-            "or sa.TransposedJacobian(target=point, kp=5, kd=15), or a function of (t, cfg, dq)"
-        )
-
-
 def check_target(controller: Controller, cfg: Configuration) -> None:
     """Refuse a fixed target farther from the system CM than the stretched virtual manipulator.
 

@@ -26,7 +26,7 @@ from spacearm.model.joints import joint_name, joint_vector
 from spacearm.motion import controllers as law_types
 from spacearm.motion import plant as plants
 from spacearm.motion import user_functions as users
-from spacearm.motion.controllers import Controller, JointPD, check_controller, gains
+from spacearm.motion.controllers import Controller, JointPD, gains
 from spacearm.motion.events import CLOSE, EVENTS, has_determinant
 from spacearm.motion.goal import goal_normal
 from spacearm.motion.plant import Integration, PassiveJoint, Plant, WheelHold
@@ -72,8 +72,6 @@ class System:
             raise ConfigurationError(
                 f"momentum of the start is {h.tolist()}; a fixed spacecraft takes it up"
             )
-        for controller in self.controllers.values():
-            check_controller(controller)
         for link, *_ in self.plant.pushed:
             if link not in arm.tree.links:
                 raise ConfigurationError(unknown("link", link, arm.tree.links))
