@@ -467,13 +467,8 @@ class Tree:
             placement = placement * joint.origin
             if joint.movable:
                 limits = (joint.effort, joint.velocity, joint.lower, joint.upper)
-                carrier = model.addJoint(
-                    carrier,
-                    joint.pinocchio(),
-                    placement,
-                    joint.name,
-                    *(np.array([limit]) for limit in limits),
-                )
+                ends = (np.array([limit]) for limit in limits)
+                carrier = model.addJoint(carrier, joint.pinocchio(), placement, joint.name, *ends)
                 placement = pin.SE3.Identity()
             home[joint.child] = (carrier, placement)
         for link, (carrier, placement) in home.items():

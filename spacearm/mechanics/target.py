@@ -117,13 +117,13 @@ class Target(Described):
             if link != tree.root and not tree.links[link]
         }
         own = {name: sound_pose(frame, f"grapple {name!r}") for name, frame in grapples.items()}
-        self.__dict__ |= {
-            "pose": sound_pose(pose, "pose"),
-            "twist": read_only(finite(twist, (6,), "twist", "[linear [m/s]; angular [rad/s]]")),
-            "grapples": MappingProxyType(marks | own),
-            "orbit": rate,
-            "name": name or tree.name,
-        }
+        self.__dict__.update(
+            pose=sound_pose(pose, "pose"),
+            twist=read_only(finite(twist, (6,), "twist", "[linear [m/s]; angular [rad/s]]")),
+            grapples=MappingProxyType(marks | own),
+            orbit=rate,
+            name=name or tree.name,
+        )
 
     @cached_property
     def tree(self) -> Tree:

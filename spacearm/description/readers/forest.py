@@ -294,16 +294,12 @@ def _is_body(source: Source, tree: Tree, link: str) -> bool:
 
 def _from(tree: Tree, root: str) -> Tree:
     """Return the part of a tree that a link carries, that link its root."""
-    links, joints = {root}, list[Joint]()
-    for joint in tree.depth_first():
-        if joint.parent in links:
-            links.add(joint.child)
-            joints.append(joint)
+    links = {root, *(joint.child for joint in replace(tree, root=root).depth_first())}
     return replace(
         tree,
         root=root,
         links={name: part for name, part in tree.links.items() if name in links},
-        joints={joint.name: joint for joint in joints},
+        joints={name: joint for name, joint in tree.joints.items() if joint.parent in links},
         visuals={name: shapes for name, shapes in tree.visuals.items() if name in links},
         tips=tuple(tip for tip in tree.tips if tip in links),
         marks=tuple(mark for mark in tree.marks if mark in links),

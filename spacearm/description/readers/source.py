@@ -140,8 +140,6 @@ SHORTEST = 1e-6
 """Least length of a vector or a quaternion that a direction can be read from."""
 ROBOTS = (".urdf", ".xacro", ".xml", ".sdf", ".world")
 """Suffixes of robot files."""
-SHOWN = 3
-"""Missing meshes that the warning about them names; the note names all."""
 LONGEST = 300
 """Characters of a name that a note shows."""
 MOST_PREFIXES = 20
@@ -229,12 +227,8 @@ class Source:
         """
         names = (*others, *(name for name, file in self._meshes.items() if file is None))
         if missing := sorted({name[:LONGEST] for name in names}):
-            rest = len(missing) - SHOWN
-            shown = ", ".join(name[:80] for name in missing[:SHOWN]) + (
-                f" and {rest} more" if rest > 0 else ""
-            )
             self.notes.append(f"meshes not found: {', '.join(missing)}")
-            warn(f"{self.path}: meshes not found (physics is not affected): {shown}")
+            warn(f"{self.path}: meshes not found (physics is not affected): {listed(missing)}")
 
     def root(self) -> etree._Element:
         """Return the root element of the file.

@@ -157,17 +157,12 @@ class Expansion:
     def _messages(self) -> dict[str, Callable[..., None]]:
         """Return what xacro and the source give messages by; they know each by its name."""
 
-        def message(*_: object, **__: object) -> None: ...
+        def silent(*_: object, **__: object) -> None: ...
 
-        def warning(*words: object, **_: object) -> None:
+        def told(*words: object, **_: object) -> None:
             self._warn(" ".join(map(str, words)))
 
-        def error(*words: object, **_: object) -> None:
-            self._warn(" ".join(map(str, words)))
-
-        def print_location() -> None: ...
-
-        return {f.__name__: f for f in (message, warning, error, print_location)}
+        return {"message": silent, "print_location": silent, "warning": told, "error": told}
 
     def _call_macro(self, call: Callable[..., bool]) -> Callable[..., bool]:
         """Return the call of macros: each is a step, those of files left out are left out."""
