@@ -117,15 +117,9 @@ def moved(tree: Structure) -> Any:
 
 
 def determinants(
-    xp: Any,
-    tree: Structure,
-    p: Parameters,
-    q: Any,
-    row_unit: Any,
-    column_unit: Any,
-    rows: tuple[int, ...],
-    chosen: Columns,
-) -> Any:
+    xp: Any, tree: Structure, p: Parameters, q: Any, row_unit: Any, column_unit: Any,
+    rows: tuple[int, ...], chosen: Columns,
+) -> Any:  # fmt: skip
     """Compute determinants (c,) of `columns`.
 
     Args:
@@ -196,9 +190,8 @@ def distance(
 
     if len(least.null) > INLINE:
         slope = xp.procedure(slope)
-    slopes = [
-        slope(q, force, xp.hold(rates * radians)) * radians for rates in [least.v, *least.null]
-    ]
+    ways = (xp.hold(way * radians) for way in (least.v, *least.null))
+    slopes = [slope(q, force, rates) * radians for rates in ways]
     return way_out(xp, slopes, norm, least.sigma, fading)
 
 
@@ -243,9 +236,8 @@ def nearest(
         return there - share * (there - before), there, way, turns + 1.0, far, moved, goes
 
     zero = 0.0 * q
-    X, _, _, _, far, moved = xp.while_any(
-        step, zero, zero, zero, zero[0], zero[0], zero[0], most=most
-    )
+    begun = (zero, zero, zero, zero[0], zero[0], zero[0])
+    X, _, _, _, far, moved = xp.while_any(step, *begun, most=most)
     wanted = xp.logical_and(far > between[0], far < between[1])
     far = xp.where(wanted, xp.sqrt((X * X).sum()), far)
     return xp.concatenate([xp.stack([far, moved]), X])
@@ -268,8 +260,7 @@ def way_out(xp: Any, slopes: list[Any], norm: Any, sigma: Any, fading: Any) -> t
     n = len(slopes[0])
     kept: list[Any] = []
     for r, slope in enumerate(slopes[1:]):
-        row = xp.concatenate([slope, pad * np.eye(others)[r]])
-        row = _across(kept, row)
+        row = _across(kept, xp.concatenate([slope, pad * np.eye(others)[r]]))
         kept.append(row * reciprocal(xp, xp.sqrt((row * row).sum())))
     g = _across(kept, xp.concatenate([slopes[0], np.zeros(others)]) if others else slopes[0])
     full, way = xp.sqrt((g * g).sum()), xp.sqrt((g[:n] * g[:n]).sum())

@@ -82,10 +82,6 @@ class Setup(NamedTuple):
     limits: bool = False
     events: tuple[Event, ...] = ()
 
-    def law_shapes(self, n: int) -> tuple[Shapes, ...]:
-        """Return the layouts of the numbers of the laws, one after the other."""
-        return tuple(law.numbers(n) for law in self.laws)
-
     def plant_shapes(self, n: int) -> Shapes:
         """Return the layout of the other numbers."""
         w, p = len(self.wheels), len(self.pushed)
@@ -153,16 +149,14 @@ def moving(
     where = parts(n, len(setup.wheels))
     given = taken(plant, setup.plant_shapes(n))
     own, first = [], 0
-    for shapes in setup.law_shapes(n):
+    for shapes in (law.numbers(n) for law in setup.laws):
         own.append(taken(laws[first : first + size(shapes)], shapes))
         first += size(shapes)
     at = posture(xp, tree, p, y[where.q])
     R = attitude(xp, y[where.attitude])
-    com, base = y[where.com], given["base"]
-    if tree.mode == "fixed":
-        com = base + R @ at.r_cm
-    else:
-        base = com - R @ at.r_cm
+    fixed = tree.mode == "fixed"
+    com = given["base"] + R @ at.r_cm if fixed else y[where.com]
+    base = given["base"] if fixed else com - R @ at.r_cm
     tips = tuple(
         Pose(R @ at.tip_rotations[i], com + R @ at.tip_positions[i]) for i in range(len(tree.tips))
     )
@@ -221,7 +215,7 @@ def state_rate(
         p: Its numbers.
         t: Time [s].
         y: (states,) the state.
-        laws: The numbers of the laws, as `Setup.law_shapes` lays them out.
+        laws: The numbers of the laws, one law after the other, as `Law.numbers` lays them out.
         plant: The other numbers, as `Setup.plant_shapes` does.
         setup: What else is known.
         held: (n,) torques of a controller of fixed rate, in place of those of the laws.
