@@ -183,24 +183,10 @@ WORLD = "world"
 """ROS's name of the inertial frame."""
 JOINTS_AND_BASE = ("q", "dq", "torque", "base")
 """Quantities that have messages of their own."""
-MESSAGES = {
-    "sensor_msgs/JointState": "std_msgs/Header header\nstring[] name\nfloat64[] position\n"
-    "float64[] velocity\nfloat64[] effort",
-    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
-    "geometry_msgs/TransformStamped": "std_msgs/Header header\nstring child_frame_id\n"
-    "geometry_msgs/Transform transform",
-    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
-    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
-    "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\n"
-    "geometry_msgs/Quaternion rotation",
-    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
-    "std_msgs/Float64": "float64 data",
-    "std_msgs/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data",
-    "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset",
-    "std_msgs/MultiArrayDimension": "string label\nuint32 size\nuint32 stride",
-}
-"""Messages as ROS 2 has them."""
+MESSAGES: dict[str, list[str]] = json.loads(
+    Path(__file__).with_name("ros_messages.json").read_text(encoding="utf-8")
+)
+"""Fields of messages as ROS 2 has them."""
 WRITTEN = (
     "sensor_msgs/JointState", "tf2_msgs/TFMessage", "std_msgs/Float64", "std_msgs/Float64MultiArray"
 )  # fmt: skip
@@ -210,10 +196,12 @@ def _definition(message: str) -> str:
     """Return the definition of a message with those of all messages in it."""
     parts = [message]
     for part in parts:  # which grows
-        words = re.split(r"[ \n\[]", MESSAGES[part])
-        parts += [word for word in words if word in MESSAGES and word not in parts]
-    inner = (f"\n{'=' * 80}\nMSG: {name}\n{MESSAGES[name]}" for name in parts[1:])
-    return MESSAGES[message] + "".join(inner) + "\n"
+        kinds = [re.split(r"[ \[]", line)[0] for line in MESSAGES[part]]
+        parts += [kind for kind in kinds if kind in MESSAGES and kind not in parts]
+    heads = ("", *(f"\n{'=' * 80}\nMSG: {name}\n" for name in parts[1:]))
+    return (
+        "".join(h + "\n".join(MESSAGES[part]) for h, part in zip(heads, parts, strict=True)) + "\n"
+    )
 
 
 def _mcap(motion: Motion) -> bytes:

@@ -130,16 +130,10 @@ class Flight(Trajectory):
     def describe(self) -> Description:
         """Describe the phases, and what happened on the way."""
         arm, end = self.phases[0].arm, self.begins[-1] + self.phases[-1].t[-1]
+        spans = zip(self.begins, self.begins + [run.t[-1] for run in self.phases], strict=True)
         rows = [
-            (
-                i,
-                begin,
-                begin + run.t[-1],
-                run.ended,
-                run.imbalance,
-                *(x.translation for x in run[-1].tips),
-            )
-            for i, (run, begin) in enumerate(zip(self.phases, self.begins, strict=True))
+            (i, *span, run.ended, run.imbalance, *(tip.translation for tip in run[-1].tips))
+            for i, (run, span) in enumerate(zip(self.phases, spans, strict=True))
         ]
         names = ("tip",) if len(arm.tips) == 1 else arm.tips
         columns: list[Column | str] = [

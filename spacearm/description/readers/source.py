@@ -23,7 +23,7 @@ from spacearm.arrays import LARGEST, MOST_LINKS, Array, positive
 from spacearm.description.readers.packages import Packages
 from spacearm.description.shapes import Shape, Unusable, Visuals
 from spacearm.errors import ConfigurationError, ModelError, ModelWarning, listed, warn
-from spacearm.files import read
+from spacearm.files import read, xml
 from spacearm.processes import WorkerError, call_within
 
 ARITHMETIC = re.compile(r"[\d.e+*/() pi-]{1,200}", re.ASCII)
@@ -254,15 +254,8 @@ class Source:
 
         Namespaces need no declaration. Lines are those of the text, which may begin with blanks.
         """
-        parser = etree.XMLParser(
-            resolve_entities=False,
-            no_network=True,
-            load_dtd=False,
-            remove_comments=True,
-            remove_pis=True,
-        )
         try:
-            root = etree.fromstring(declared(text), parser)
+            root = xml(declared(text), bare=True)
         except etree.XMLSyntaxError as error:
             self.fail(f"is not XML ({error.msg})", "correct it there")
         if etree.ElementTree(root).docinfo.doctype:
@@ -369,7 +362,7 @@ def declared(text: bytes) -> bytes:
         text = body.replace(b"?>", b"?>" + b"\n" * blank.count(b"\n"), 1)
     for _ in range(MOST_PREFIXES):
         try:
-            etree.fromstring(text, etree.XMLParser(resolve_entities=False, no_network=True))
+            xml(text)
         except etree.XMLSyntaxError as error:
             undeclared, root = UNDECLARED.match(error.msg or ""), ROOT_TAG.match(text)
             if undeclared is None or root is None:

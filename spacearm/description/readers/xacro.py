@@ -16,7 +16,7 @@ from spacearm.description.readers.packages import Packages
 from spacearm.description.readers.source import WRITTEN, Source, apart, declared
 from spacearm.description.readers.xacro_expansion import Expansion, XacroError
 from spacearm.errors import ModelError, unknown
-from spacearm.files import read
+from spacearm.files import read, xml
 
 FEW_STEPS = 100_000
 """Steps of an expansion that are taken here; one that takes more has a process of its own."""
@@ -284,8 +284,7 @@ def _document(file: Path) -> etree._Element | None:
     if file.suffix in (".yaml", ".yml"):
         return None
     try:
-        parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
-        return etree.fromstring(declared(read(file)), parser)
+        return xml(declared(read(file)))
     except (OSError, etree.XMLSyntaxError):
         return None
 

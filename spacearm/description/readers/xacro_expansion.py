@@ -157,12 +157,17 @@ class Expansion:
     def _messages(self) -> dict[str, Callable[..., None]]:
         """Return what xacro and the source give messages by; they know each by its name."""
 
-        def silent(*_: object, **__: object) -> None: ...
+        def message(*_: object, **__: object) -> None: ...
 
-        def told(*words: object, **_: object) -> None:
+        def warning(*words: object, **_: object) -> None:
             self._warn(" ".join(map(str, words)))
 
-        return {"message": silent, "print_location": silent, "warning": told, "error": told}
+        def error(*words: object, **_: object) -> None:
+            self._warn(" ".join(map(str, words)))
+
+        def print_location() -> None: ...
+
+        return {f.__name__: f for f in (message, warning, error, print_location)}
 
     def _call_macro(self, call: Callable[..., bool]) -> Callable[..., bool]:
         """Return the call of macros: each is a step, those of files left out are left out."""
