@@ -198,10 +198,9 @@ def _definition(message: str) -> str:
     for part in parts:  # which grows
         kinds = [re.split(r"[ \[]", line)[0] for line in MESSAGES[part]]
         parts += [kind for kind in kinds if kind in MESSAGES and kind not in parts]
-    heads = ("", *(f"\n{'=' * 80}\nMSG: {name}\n" for name in parts[1:]))
-    return (
-        "".join(h + "\n".join(MESSAGES[part]) for h, part in zip(heads, parts, strict=True)) + "\n"
-    )
+    texts = {part: "\n".join(MESSAGES[part]) for part in parts}
+    inner = (f"\n{'=' * 80}\nMSG: {part}\n{texts[part]}" for part in parts[1:])
+    return texts[message] + "".join(inner) + "\n"
 
 
 def _mcap(motion: Motion) -> bytes:

@@ -75,13 +75,11 @@ class Dynamics(Result):
     def describe(self) -> Description:
         """Describe accelerations, torques and the wrench that holds the spacecraft."""
         slides = self.arm.slides
+        forces = zip(results.without_noise(self.tau), slides, strict=True)
         columns: dict[results.Column | str, Sequence[results.Cell]] = {
             "joint": self.arm.joint_names,
             "acceleration": results.joint_measures(self.ddq, slides, per="/s²"),
-            "torque or force": [
-                Measure(x, "N" if slide else "N m")
-                for x, slide in zip(results.without_noise(self.tau), slides, strict=True)
-            ],
+            "torque or force": [Measure(x, "N" if slide else "N m") for x, slide in forces],
         }
         facts: dict[str, results.Cell] = {
             "acceleration": Measure(self.base_acceleration[:3], "m/s²"),

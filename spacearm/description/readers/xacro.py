@@ -243,12 +243,8 @@ def instead(file: Path, arguments: Mapping[str, str]) -> tuple[str, list[str]] |
             fitting = (e for e in entries if e.startswith(before) and e.endswith(after))
             values = [e[len(before) : len(e) - len(after)] for e in fitting]
             tails = {v: [part.replace(value, v) for part in rest] for v in values if v}
-            found = [
-                v
-                for v, tail in tails.items()
-                if folder.joinpath(before + v + after, *tail).exists()
-            ]
-            return name, found[:MOST_CHOICES]
+            places = {v: Path(folder, before + v + after, *tail) for v, tail in tails.items()}
+            return name, [v for v, place in places.items() if place.exists()][:MOST_CHOICES]
     return None
 
 
