@@ -252,8 +252,7 @@ def _measured(
         kernel = ArmKernel(
             [arm], mode, measures.measures, options, lanes=arm_kernels.WIDE, rows=rows
         )
-        found: Sequence[Array] = kernel({"q": Q}, out=out)
-        return found
+        return kernel({"q": Q}, out=out)
     columns = np.full((len(names), len(Q)), np.nan)
     for i, q in enumerate(Q if names else ()):
         cfg = arm.at(q)
@@ -411,13 +410,12 @@ def _accelerated(
     arm: SpaceArm, mode: BaseMode, links: tuple[str, ...], rows: Rows, place: Array | None
 ) -> Array:
     """Compute accelerations (m, n) by compiled code."""
-    pushed = [arm.model.frames[arm.model.getFrameId(link, pin.BODY)] for link in links]
-    wheels = [arm.model.frames[wheel.frame] for wheel in arm.wheels] if "spin" in rows else []
-    axes = [
-        wheel.placement.rotation @ own.axis for wheel, own in zip(wheels, arm.wheels, strict=False)
-    ]
+    frames = arm.model.frames
+    pushed = [frames[arm.model.getFrameId(link, pin.BODY)] for link in links]
+    wheels = arm.wheels if "spin" in rows else ()
+    axes = [frames[wheel.frame].placement.rotation @ wheel.axis for wheel in wheels]
     setup = Setup(
-        wheels=tuple(int(wheel.parentJoint) - 1 for wheel in wheels),
+        wheels=tuple(int(frames[wheel.frame].parentJoint) - 1 for wheel in wheels),
         pushed=tuple(Pushed(int(frame.parentJoint) - 1, False) for frame in pushed),
     )
     points = [frame.placement.translation for frame in pushed]
@@ -426,8 +424,7 @@ def _accelerated(
     if links:
         given["wrenches"] = np.stack([rows[f"wrench on {link}"] for link in links], axis=1)
     kernel = ArmKernel([arm], mode, loaded_accelerations, {"setup": setup})
-    found: Array = kernel(given, {"placed": placed}, out=[place])
-    return found
+    return kernel(given, {"placed": placed}, out=[place])
 
 
 def _accelerated_singly(
@@ -460,36 +457,24 @@ def minors(arm: SpaceArm, Q: Array, mode: BaseMode, rows: Indices, columns: Indi
     row, column = _units(arm, mode == "free-floating")
     options = {"rows": tuple(rows.tolist()), "chosen": tuple(map(tuple, columns.tolist()))}
     units = {"row_unit": row, "column_unit": column}
-    found: Array = evaluated(arm, mode, measures.determinants, {"q": Q}, units, options=options)
-    return found
+    return evaluated(arm, mode, measures.determinants, {"q": Q}, units, options=options)
 
 
 def columns_seen(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
     """Compute the columns (m, 6, 6 + n) of which `minors` takes determinants, for a check."""
     row, column = _units(arm, mode == "free-floating")
-    found: Array = evaluated(arm, mode, measures.columns, {"q": Q}, once=True)
-    return row[:, None] * found * column
+    return row[:, None] * evaluated(arm, mode, measures.columns, {"q": Q}, once=True) * column
 
 
 def tips_from_centre(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
     """Compute the tip (m, 3) from the system CM, or a fixed spacecraft's own, at Q (m, n) [m]."""
-    if len(Q) and not worth_compiling(len(Q), SINGLY):
-        return _tips_from_centre_singly(arm, Q, mode)
-    found: Array = evaluated(arm, mode, measures.tip_from_centre, {"q": Q})
-    return found
-
-
-def _tips_from_centre_singly(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
-    """Compute `tips_from_centre` by Pinocchio."""
-    model, data, found = arm.model, arm.borrow(), np.empty((len(Q), 3))
-    full = pin.neutral(model)
-    for i, q in enumerate(Q):
-        full[7:] = arm.all_joints(q)
-        com = pin.centerOfMass(model, data, full, False)
-        tip = pin.updateFramePlacement(model, data, arm.tip_frames[0])
-        found[i] = tip.translation - (model.inertias[1].lever if mode == "fixed" else com)
-    arm.give_back(data)
-    return found
+    if not len(Q) or worth_compiling(len(Q), SINGLY):
+        return evaluated(arm, mode, measures.tip_from_centre, {"q": Q})
+    hub = arm.model.inertias[1].lever
+    cfgs = (arm.at(q) for q in Q)
+    return np.array(
+        [cfg.tips[0].translation - (hub if mode == "fixed" else cfg.com) for cfg in cfgs]
+    )
 
 
 @lru_cache(maxsize=64)
