@@ -157,9 +157,7 @@ class Kernel:
                 place = np.empty(shape)
             elif place.shape != shape or place.dtype != np.float64 or not place.flags.carray:
                 given = f"{place.dtype} {place.shape}"
-                raise ValueError(
-                    f"out[{i}]: {given} is not C-contiguous, writeable float64 {shape}"
-                )
+                raise ValueError(f"out[{i}]: {given} is not C-contiguous writeable float64 {shape}")
             found.append(place)
         return found
 

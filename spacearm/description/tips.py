@@ -176,9 +176,7 @@ def _arms(tree: Tree) -> dict[str, tuple[str, ...]]:
     palms = fingers(tree)
     first = {joint for begin in palms.values() for joint in begin}
     ends: dict[str, tuple[str, ...]] = {}
-    carries = {
-        joint.child for joint in tree.joints.values() if grippers.is_wheel(joint.name, joint.child)
-    }
+    carries = {j.child for j in tree.joints.values() if grippers.is_wheel(j.name, j.child)}
     for joint in tree.movable():
         carrier = tree.body_of[joint.parent]
         if joint.name not in first and (carrier in ends or carrier == tree.root):

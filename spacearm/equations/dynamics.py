@@ -148,9 +148,8 @@ def _carried(xp: Any, tree: Structure, at: Posture) -> tuple[Any, Any]:
     """Compute first moments (N, 3) and inertias (N, 3, 3) of what joints carry, about each."""
     r = at.centres - at.origins
     m, s = [*at.masses], [*(at.masses * r)]
-    I = [
-        *(at.inertias[:, kinematics.ROWS, kinematics.COLUMNS] + kinematics.about(r, at.masses * r))
-    ]
+    six = at.inertias[:, kinematics.ROWS, kinematics.COLUMNS]
+    I = [*(six + kinematics.about(r, at.masses * r))]
     for i in range(len(I) - 1, 0, -1):
         if (inner := tree.parents[i]) > 0:
             e = (at.origins[i] - at.origins[inner])[None]

@@ -248,10 +248,8 @@ def _measured(
     """Compute measures (m,) at Q (m, n), a block of `many`, where compiled code may write."""
     rows = max(len(Q), many)
     if names and worth_compiling(rows, SINGLY):
-        options = {"names": names}
-        kernel = ArmKernel(
-            [arm], mode, measures.measures, options, lanes=arm_kernels.WIDE, rows=rows
-        )
+        wide, known = arm_kernels.WIDE, {"names": names}
+        kernel = ArmKernel([arm], mode, measures.measures, known, lanes=wide, rows=rows)
         return kernel({"q": Q}, out=out)
     columns = np.full((len(names), len(Q)), np.nan)
     for i, q in enumerate(Q if names else ()):
@@ -472,9 +470,7 @@ def tips_from_centre(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
         return evaluated(arm, mode, measures.tip_from_centre, {"q": Q})
     hub = arm.model.inertias[1].lever
     cfgs = (arm.at(q) for q in Q)
-    return np.array(
-        [cfg.tips[0].translation - (hub if mode == "fixed" else cfg.com) for cfg in cfgs]
-    )
+    return np.array([c.tips[0].translation - (hub if mode == "fixed" else c.com) for c in cfgs])
 
 
 @lru_cache(maxsize=64)

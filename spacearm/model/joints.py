@@ -173,9 +173,8 @@ def warn_outside(arm: JointSpace, q: Array, what: str = "q") -> None:
         problem = f"joint {names[0]!r} at {q[one]:.6g} {unit} is outside its limits, {limits}{rest}"
     else:
         one = int(np.argmax(angles))
-        problem = (
-            f"joint {arm.joint_names[one]!r} at {q[one]:.6g} rad has {angles[one] / TURN:.3g} turns"
-        )
+        at = f"joint {arm.joint_names[one]!r} at {q[one]:.6g} rad"
+        problem = f"{at} has {angles[one] / TURN:.3g} turns"
     errors.warn(f"{what} of {arm.name}: {problem}{hint}")
 
 

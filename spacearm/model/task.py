@@ -52,9 +52,7 @@ class Task:
 
     def __post_init__(self) -> None:
         if self.length is not None and not (math.isfinite(self.length) and self.length > 0):
-            raise ConfigurationError(
-                f"task length is {self.length}; give a positive length in metres"
-            )
+            raise ConfigurationError(f"task length is {self.length}; give a positive length [m]")
         if self.length is not None and not self.mixed:
             raise ConfigurationError(
                 f"task {self.names!r} has rows of one kind only: a length of {self.length} m "

@@ -207,6 +207,11 @@ class Batch:
         self._laws = np.array([p.laws for p in prepared]).reshape(m, -1)
         self._plant = np.array([p.plant for p in prepared]).reshape(m, -1)
 
+    @property
+    def running(self) -> npt.NDArray[np.bool_]:
+        """Whether each run goes on."""
+        return self.status == integration.RUNNING
+
     def __len__(self) -> int:
         return len(self.t)
 
@@ -276,14 +281,12 @@ class Batch:
         self.status[(self.status == integration.FINISHED) & (self.t < end)] = integration.RUNNING
         while True:
             for implicit in (False, True):
-                runs = np.flatnonzero(
-                    (self.status == integration.RUNNING) & (self.implicit == implicit)
-                )
+                runs = np.flatnonzero(self.running & (self.implicit == implicit))
                 if len(runs):
                     steps = self._advance(runs, end, implicit)
                     yield steps
                     self._check_pace(runs)
-            if self.outside.interrupted or not (self.status == integration.RUNNING).any():
+            if self.outside.interrupted or not self.running.any():
                 return
 
     def _advance(self, runs: Whole, end: float, implicit: bool) -> Steps:

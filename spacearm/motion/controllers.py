@@ -209,9 +209,8 @@ class DampedLeastSquares(RateLaw):
             J: (k, m) its rows along the task axes.
         """
         wanted = self._scaled(cfg, self.wanted(t, cfg))
-        return _by_numbers(
-            laws.damped_rates, self._scaled(cfg, J), wanted, self.damping, self.threshold
-        )
+        J = self._scaled(cfg, J)
+        return _by_numbers(laws.damped_rates, J, wanted, self.damping, self.threshold)
 
     def _scaled(self, cfg: Configuration, rows: Array) -> Array:
         """Return the task's rows (k,) or (k, n), scaled."""

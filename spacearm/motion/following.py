@@ -33,7 +33,7 @@ from spacearm.motion.events import Event
 from spacearm.motion.goal import Goal, Origin, goal_pose
 from spacearm.motion.motion import Motion, RateJump, samples
 from spacearm.motion.motion_file import Quantity
-from spacearm.results import Description
+from spacearm.results import Description, Tone
 from spacearm.signatures import checked
 from spacearm.singularities.nearest import nearest_locally
 from spacearm.singularities.report import NO_INVERSE
@@ -397,9 +397,8 @@ class Followed(Motion):
 
         These are the task axes, or inertial ones where the task axes turn on the way.
         """
-        return self._each(
-            lambda cfg: singular_values(cfg, mode=self.mode, axes=goals.goal_axes(cfg))[-1]
-        )
+        axes = goals.goal_axes
+        return self._each(lambda cfg: singular_values(cfg, mode=self.mode, axes=axes(cfg))[-1])
 
     @property
     def story(self) -> str:
@@ -418,9 +417,8 @@ class Followed(Motion):
 
     def describe(self) -> Description:
         """Describe the motion and why it ended."""
-        return replace(
-            super().describe(), verdict=self.reason, tone="good" if self.arrived else "caution"
-        )
+        tone: Tone = "good" if self.arrived else "caution"
+        return replace(super().describe(), verdict=self.reason, tone=tone)
 
 
 @checked
@@ -565,6 +563,4 @@ def how_it_ended(arm: SpaceArm, tip: Array, s: float, length: float, end: Event)
         return f"joint {end.detail!r} reaches its limit {where}"
     q = arm.in_words(end.q)
     set_at = "" if end.nearest is None else f" at q = {arm.in_words(end.nearest)}"
-    return (
-        f"singular {where}, q = {q}{end.detail}{set_at}: J* cannot lead the tip on along the path"
-    )
+    return f"singular {where}, q = {q}{end.detail}{set_at}: J* cannot lead the tip on along it"

@@ -302,9 +302,8 @@ class Preparation:
                 yield (t, y), outside(t, y)
 
         function = users.UserFunction.of(controller, traced, examples, of_state)
-        return self.source(
-            f"law{i}", f"the controller {type(controller).__name__}", function, outside
-        )
+        what = f"the controller {type(controller).__name__}"
+        return self.source(f"law{i}", what, function, outside)
 
 
 def prepared(system: System, wanted: Sequence[WantedEvent] = (), *, trace: bool = True) -> Prepared:

@@ -104,9 +104,8 @@ def not_traced(user: UserFunction, _used_with: tuple[SpaceArm, BaseMode, str]) -
     shapes = {name: np.shape(a) for name, a in zip(names, known[0][0], strict=True)}
     try:
         tape = trace(lambda **arrays: user.traced(*(arrays[name] for name in names)), shapes)
-        inputs = {
-            name: np.array([arguments[i] for arguments, _ in known]) for i, name in enumerate(names)
-        }
+        columns = zip(*(arguments for arguments, _ in known), strict=True)
+        inputs = {name: np.array(values) for name, values in zip(names, columns, strict=True)}
         values = interpreted(tape, inputs)[0]
     except Exception as error:  # whatever code does with arrays that are none
         return f"{type(error).__name__}: {error}"

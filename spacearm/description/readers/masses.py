@@ -28,6 +28,7 @@ SINGULAR = 1e-10
 """Eigenvalue of the scaled joint inertia up to which some motion moves no mass."""
 LIGHT = 0.2
 """Mass of a spacecraft, as a share of what moves on it, up to which it looks like a foot."""
+ACCEPT = 'correct it, or load with check="warn" to accept it'
 
 
 def checked(source: Source, tree: Tree) -> Tree:
@@ -104,16 +105,14 @@ def _check_links(source: Source, tree: Tree) -> None:
             if fixed or (sound and len(parts) > 1):
                 source.warn(f"link {link!r} {fault}: accepted, as the body it is fixed to is sound")
             elif check == "error":
-                source.fail(
-                    f"link {link!r} {fault}", 'correct it, or load with check="warn" to accept it'
-                )
+                source.fail(f"link {link!r} {fault}", ACCEPT)
             elif check == "warn":
                 source.warn(f"link {link!r} {fault}")
     root = whole[tree.root]
     if source.reading.spacecraft and _thin(root) and (fault := root.fault()):
         problem = f"the spacecraft {tree.root!r} has no inertia about some axis ({fault})"
         if check == "error":
-            source.fail(problem, 'correct it, or load with check="warn" to accept it')
+            source.fail(problem, ACCEPT)
         source.warn(problem)
 
 
@@ -241,9 +240,7 @@ def of_density(source: Source, tree: Tree, density: float) -> dict[str, Inertial
         masses = ", ".join(f"{link!r} {part.mass:.4g} kg" for link, part in found.items())
         source.warn(f"density {density:g} kg/m^3 gives mass and inertia from shapes: {masses}")
     if bare:
-        source.warn(
-            f"density gives no mass to {_quoted(bare)}: their shapes are missing or unusable"
-        )
+        source.warn(f"density gives no mass to {_quoted(bare)}: no shapes, or unusable ones")
     return found
 
 
@@ -375,9 +372,8 @@ def implausible(tree: Tree, estimated: Mapping[str, Inertial]) -> list[str]:
         tree: Its links and joints.
         estimated: Mass properties of the links that got them from their shapes.
     """
-    lengths = {
-        name: float(np.linalg.norm(joint.origin.translation)) for name, joint in tree.joints.items()
-    }
+    origins = {name: joint.origin.translation for name, joint in tree.joints.items()}
+    lengths = {name: float(np.linalg.norm(place)) for name, place in origins.items()}
     found = [
         f"joint {name!r} is {length:.4g} m from the one before it, as if in millimetres"
         for name, length in lengths.items()

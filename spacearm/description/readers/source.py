@@ -294,9 +294,8 @@ class Source:
         values = np.array([evaluate(word) for word in split(text, count)], dtype=np.float64)
         if len(values) != count or not (np.abs(values) <= LARGEST).all():
             wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-            self.fail(
-                f"{describe(element)} has {what}={text[:60]!r}", f"give {wanted} up to {LARGEST:g}"
-            )
+            given = f"{describe(element)} has {what}={text[:60]!r}"
+            self.fail(given, f"give {wanted} up to {LARGEST:g}")
         return values
 
     def child(self, element: etree._Element, tag: str) -> etree._Element | None:

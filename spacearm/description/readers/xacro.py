@@ -209,9 +209,8 @@ class ArgumentsOf:
             for groups in EXPRESSION.findall(text):
                 for comparison in _comparisons(groups[0] or groups[1]):
                     names = {n.id for n in ast.walk(comparison) if isinstance(n, ast.Name)}
-                    named = {
-                        n.value for n in ast.walk(comparison.left) if isinstance(n, ast.Constant)
-                    }
+                    left = ast.walk(comparison.left)
+                    named = {n.value for n in left if isinstance(n, ast.Constant)}
                     if names & aliases or (named & aliases and "arg" in names):
                         constants = (n for c in comparison.comparators for n in ast.walk(c))
                         yield from (str(n.value) for n in constants if isinstance(n, ast.Constant))
