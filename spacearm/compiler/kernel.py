@@ -190,9 +190,7 @@ class Kernel:
             if self._left is not None:
                 self._improve(perf_counter() - begun)
 
-        if shares == 1:
-            run(0)
-        elif threads > 1:
+        if threads > 1 and shares > 1:
             with ThreadPoolExecutor(min(threads, shares)) as pool:
                 list(pool.map(run, range(shares)))
         else:
