@@ -116,9 +116,8 @@ def imported(library: str, name: str, extra: str) -> Any:
     try:
         return import_module(library)
     except ImportError:
-        raise UnsupportedError(
-            f"{name} is not installed: pip install 'spacearm[{extra}]'"
-        ) from None
+        why = f"{name} is not installed: pip install 'spacearm[{extra}]'"
+        raise UnsupportedError(why) from None
 
 
 def unknown(kind: str, name: object, valid: Iterable[str]) -> str:

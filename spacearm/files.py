@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
 from tempfile import TemporaryDirectory
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from spacearm.errors import SpaceArmError
 
@@ -47,6 +47,25 @@ def read(path: Path, most: int = LARGEST_TEXT) -> bytes:
     if len(content) > most:
         raise OSError(f"larger than {most / 1e6:g} MB")
     return content
+
+
+def xml(content: bytes, bare: bool = False) -> Any:
+    """Return the root of an XML document, without entities, its DTD or access to a network.
+
+    Args:
+        content: The document.
+        bare: Whether comments and processing instructions are left out.
+
+    Raises:
+        lxml.etree.XMLSyntaxError: It is no XML.
+    """
+    from lxml import etree  # only where there is some
+
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, remove_comments=bare,
+        remove_pis=bare,
+    )  # fmt: skip
+    return etree.fromstring(content, parser)
 
 
 def write(path: Path, content: bytes) -> Path:

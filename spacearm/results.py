@@ -110,9 +110,8 @@ class Table:
     def to_html(self) -> str:
         """Return the table as HTML, names and all else escaped; angles in both units."""
         head = [_row("th", head)] if any(head := self.head("both")) else []
-        return (
-            f"<table>{''.join(head + [_row('td', cells) for cells in self.body('both')])}</table>"
-        )
+        rows = [_row("td", cells) for cells in self.body("both")]
+        return f"<table>{''.join(head + rows)}</table>"
 
     @property
     def _columns(self) -> list[Column]:
@@ -261,10 +260,9 @@ def joint_measures(values: Iterable[float], slides: Iterable[bool], per: str = "
         slides: Whether each of the n joints slides.
         per: What follows the unit, as in "/s" of rates.
     """
-    return [
-        Measure(round(float(x), 12), ("m" if slide else "rad") + per) if np.isfinite(x) else "none"
-        for x, slide in zip(values, slides, strict=True)
-    ]
+    units = (("m" if slide else "rad") + per for slide in slides)
+    pairs = zip(values, units, strict=True)
+    return [Measure(round(float(x), 12), u) if np.isfinite(x) else "none" for x, u in pairs]
 
 
 def without_noise(values: Array) -> Array:

@@ -62,6 +62,8 @@ STATED = ("n", "tips")
 """Letters of shapes in docstrings that the object of a method tells, or its arm."""
 PARTS = ("arm", "configuration", "q")
 """Attributes of an object that may be what is wanted instead of it."""
+IN_ORDER = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+"""Kinds of parameters that are given without their names."""
 MOST_SHOWN = 60
 """Characters of a value in a message."""
 MOST_TOLD = 160
@@ -158,33 +160,28 @@ def check(thing: Callable[..., object], args: Sequence[object], kwargs: Mapping[
         for letter in STATED:
             size = getattr(owner, letter, getattr(parts.get(letter), letter, None))
             sizes |= {letter: size} if isinstance(size, int) else {}
-    ordered = [p for p in parameters.values() if p.kind is not p.KEYWORD_ONLY]
-    for parameter, value in zip(ordered, args, strict=False):
-        if parameter.kind is parameter.VAR_POSITIONAL:
-            break
-        _require(thing, name, parameter.name, value, hints)
-        _require_shape(thing, name, parameter.name, value, hints, sizes)
+    kinds = {p.kind for p in parameters.values()}
+    ordered = [p for p in parameters.values() if p.kind in IN_ORDER]
+    given = {p.name: value for p, value in zip(ordered, args, strict=False)}
     for key, value in kwargs.items():
         if key in parameters and parameters[key].kind is not inspect.Parameter.VAR_KEYWORD:
-            _require(thing, name, key, value, hints)
-            _require_shape(thing, name, key, value, hints, sizes)
-        elif not any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+            given[key] = value
+        elif inspect.Parameter.VAR_KEYWORD not in kinds:
             raise ConfigurationError(_no_such(name, key, parameters, hints))
-    if len(args) > len(ordered) and not any(p.kind is p.VAR_POSITIONAL for p in ordered):
+    for key, value in given.items():
+        _require(thing, name, key, value, hints)
+        _require_shape(thing, name, key, value, hints, sizes)
+    if len(args) > len(ordered) and inspect.Parameter.VAR_POSITIONAL not in kinds:
         others = [p.name for p in parameters.values() if p.kind is p.KEYWORD_ONLY]
         rest = f"; give by name: {', '.join(others)}" if others else ""
         raise ConfigurationError(
             f"{name} was given {shown(args[len(ordered)])} after all that it takes in order: "
             f"{', '.join(p.name for p in ordered) or 'nothing'}{rest}"
         )
-    given = {p.name for p in ordered[: len(args)]} | set(kwargs)
-    for parameter in parameters.values():
-        optional = parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL)
-        if parameter.default is parameter.empty and not optional and parameter.name not in given:
-            what = _words(hints[parameter.name]) if parameter.name in hints else "it"
-            raise ConfigurationError(
-                f"{name} needs {parameter.name}; give {what}{_told(thing, parameter.name)}"
-            )
+    for p in parameters.values():
+        if p.default is p.empty and p.kind in (*IN_ORDER, p.KEYWORD_ONLY) and p.name not in given:
+            what = _words(hints[p.name]) if p.name in hints else "it"
+            raise ConfigurationError(f"{name} needs {p.name}; give {what}{_told(thing, p.name)}")
 
 
 @cache
@@ -196,19 +193,16 @@ def _parameters(
     if isinstance(thing, type) and not is_dataclass(thing):
         made = next(vars(kind)["__init__"] for kind in thing.__mro__ if "__init__" in vars(kind))
     hints = _hints(made)
+    if isinstance(thing, type):  # for a field that is an array a constructor takes what makes one
+        origins: dict[str, Any] = {key: get_origin(hint) for key, hint in hints.items()}
+        hints |= {key: Numbers for key, origin in origins.items() if origin is np.ndarray}
     home = thing.__module__.rpartition(".")[2]
     within = f"{home}." if home in sys.modules["spacearm"].__all__ else ""  # as sa.design
     return (
         f"sa.{within}{thing.__qualname__.rpartition('<locals>.')[2]}",
         dict(inspect.signature(thing).parameters),
-        {key: _taken(hint) if isinstance(thing, type) else hint for key, hint in hints.items()},
+        hints,
     )
-
-
-def _taken(hint: Hint) -> Hint:
-    """Return what a constructor takes for a field: of arrays all that makes one."""
-    origin: Any = get_origin(hint)
-    return Numbers if origin is np.ndarray else hint
 
 
 def _hints(thing: object) -> dict[str, Hint]:
@@ -330,10 +324,8 @@ def _takes(function: Callable[..., object], inner: tuple[Hint, ...]) -> bool:
         return True
     try:
         inspect.signature(function).bind(*inner[0])
-    except TypeError:
-        return False
-    except ValueError:  # of some that are built in there is none
-        return True
+    except (TypeError, ValueError) as error:  # ValueError: of some that are built in there is none
+        return isinstance(error, ValueError)
     return True
 
 
@@ -362,15 +354,11 @@ def _members(hint: Hint) -> tuple[Hint, ...]:
     if origin not in (Union, types.UnionType):
         return (types.NoneType if hint is None else hint,)
     members = get_args(hint)
-    others = [m for m in members if not _of_numpy(m)]
+    homes = ((m, str(getattr(get_origin(m) or m, "__module__", ""))) for m in members)
+    others = [m for m, home in homes if not home.startswith("numpy._typing")]  # of npt.ArrayLike
     if len(others) == len(members):
         return members
     return Numbers, *(m for m in others if m not in (bool, int, float, complex, str, bytes))
-
-
-def _of_numpy(hint: Hint) -> bool:
-    """Tell whether an annotation is a member of `npt.ArrayLike` that is NumPy's own."""
-    return str(getattr(get_origin(hint) or hint, "__module__", "")).startswith("numpy._typing")
 
 
 def _words(hint: Hint) -> str:
@@ -379,9 +367,8 @@ def _words(hint: Hint) -> str:
         hint = hint.__bound__ or object
     members = [m for m in _members(hint) if m is not types.NoneType]
     if len(members) > 1:
-        words: list[str] = []
-        for member in members:
-            said = _words(member)
+        words = list[str]()
+        for said in map(_words, members):
             again = said == f"a list, each entry {' or '.join(words)}"
             words.append("a list of such" if again else said)
         return " or ".join(dict.fromkeys(words))

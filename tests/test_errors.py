@@ -48,7 +48,7 @@ def rest(*_):
         (lambda: sa.Integration(atol=-1.0), "atol is -1.0"),
         (lambda: sa.Integration(rtol=-1.0), "rtol is -1.0"),
         (lambda: sa.Integration(rtol=1e-15), "rtol is 1e-15; .* from 2"),
-        (lambda: sa.Integration(method=["BDF"]), "method is \\['BDF'\\]; give a text"),
+        (lambda: sa.Integration(method=["BDF"]), "method is \\['BDF'\\]; give 'auto'"),
         (
             lambda: sa.simulate(arm().at([0, 1]), rest, 1.0, mode=["fixed"]),
             "mode is .*; give 'fr",

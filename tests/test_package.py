@@ -55,7 +55,10 @@ def test_the_wheel_works_elsewhere(wheel_python):
 def test_the_wheel_is_complete(wheel_python):
     _, folder = wheel_python
     (site,) = (folder / "env" / "lib").glob("python*/site-packages")
-    assert (site / "spacearm" / "py.typed").is_file()
+    data = {".json", ".h", ".c", ".js", ".css", ".html", ".mplstyle", ".typed"}
+    own = [path for path in (ROOT / "spacearm").rglob("*") if path.suffix in data]
+    assert len(own) > 30
+    assert all((site / path.relative_to(ROOT)).is_file() for path in own)
     models = {path.name for path in (ROOT / "models").iterdir()}
     assert {path.name for path in (site / "spacearm" / "models").iterdir()} == models
     entry = next(site.glob("spacearm-*.dist-info")) / "entry_points.txt"

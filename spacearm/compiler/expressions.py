@@ -61,11 +61,8 @@ class Tape:
 
         The operands are numbers of Python, and expressions of this tape or the shared one.
         """
-        key = (
-            operation,
-            detail,
-            *[o.key if isinstance(o, Expression) else o.hex() for o in operands],
-        )
+        inputs = [o.key if isinstance(o, Expression) else o.hex() for o in operands]
+        key = (operation, detail, *inputs)
         found = self._known.get(key)
         if found is None:
             found = self._known[key] = Expression(self, operation, operands, detail)
@@ -523,10 +520,8 @@ EACH: dict[Any, Callable[..., Any]] = {
     np.square: lambda a: multiply(a, a),
     np.reciprocal: lambda a: divide(1.0, a),
     np.remainder: remainder,
-    np.deg2rad: lambda a: multiply(a, np.pi / 180.0),
-    np.radians: lambda a: multiply(a, np.pi / 180.0),
-    np.rad2deg: lambda a: multiply(a, 180.0 / np.pi),
-    np.degrees: lambda a: multiply(a, 180.0 / np.pi),
+    **dict.fromkeys((np.deg2rad, np.radians), lambda a: multiply(a, np.pi / 180.0)),
+    **dict.fromkeys((np.rad2deg, np.degrees), lambda a: multiply(a, 180.0 / np.pi)),
 }  # fmt: skip
 """Functions of NumPy that work element by element, for expressions."""
 OVER = {ufunc: np.frompyfunc(function, ufunc.nin, 1) for ufunc, function in EACH.items()}

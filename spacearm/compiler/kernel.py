@@ -157,9 +157,7 @@ class Kernel:
                 place = np.empty(shape)
             elif place.shape != shape or place.dtype != np.float64 or not place.flags.carray:
                 given = f"{place.dtype} {place.shape}"
-                raise ValueError(
-                    f"out[{i}]: {given} is not C-contiguous, writeable float64 {shape}"
-                )
+                raise ValueError(f"out[{i}]: {given} is not C-contiguous writeable float64 {shape}")
             found.append(place)
         return found
 
@@ -192,9 +190,7 @@ class Kernel:
             if self._left is not None:
                 self._improve(perf_counter() - begun)
 
-        if shares == 1:
-            run(0)
-        elif threads > 1:
+        if threads > 1 and shares > 1:
             with ThreadPoolExecutor(min(threads, shares)) as pool:
                 list(pool.map(run, range(shares)))
         else:

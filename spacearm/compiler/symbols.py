@@ -17,19 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.compiler.expressions import (
-    Expression,
-    Operand,
-    Symbols,
-    Tape,
-    TracingError,
-    as_mask,
-    as_number,
-    asarray,
-    hold,
-    symbols,
-    where,
-)
+from spacearm.compiler import expressions
+from spacearm.compiler.expressions import Expression, Operand, Tape, asarray, hold, where
 from spacearm.compiler.operations import OPERATIONS
 
 __all__ = ["asarray", "hold", "where"]  # of what is imported: functions of `xp`
@@ -44,7 +33,7 @@ def __getattr__(name: str) -> Any:
 
 def gradient(function: Callable[[Any], Any], at: Any) -> Any:
     """Return the derivatives (n,) of a function of n variables, which returns a number."""
-    return symbols(derivatives(symbols(function(at)), at))
+    return expressions.symbols(derivatives(expressions.symbols(function(at)), at))
 
 
 @dataclass(eq=False)
@@ -134,7 +123,7 @@ def row(table: Table, index: Any) -> Any:
 
     Of indices that are beyond, the first or last row is taken, of those that are NaN the first.
     """
-    tape, index = _current.get(), symbols(index)
+    tape, index = _current.get(), expressions.symbols(index)
     if isinstance(index, Expression) and index.tape.depth > 0:
         tape = index.tape
     operands = tuple(flat(tape, [index]))
@@ -206,7 +195,7 @@ def _loop(
 ) -> Any:
     """Write a loop on the current tape, over counted turns or until no lane wants another."""
     if most < 1:
-        raise TracingError(f"a loop of {most} turns")
+        raise expressions.TracingError(f"a loop of {most} turns")
     region, arrays = _region(there := [np.shape(s) for s in state])
     if counted:
         region.turn = region.tape.variable("turn")
@@ -216,10 +205,12 @@ def _loop(
     kept = found.pop() if keep else None
     goes_on = None if counted else found.pop()
     if there != (now := [np.shape(o) for o in found]):
-        raise TracingError(f"a step returns arrays of shapes {now} for a state of shapes {there}")
+        raise expressions.TracingError(
+            f"a step returns arrays of shapes {now} for a state of shapes {there}"
+        )
     region.most, region.outputs = most, flat(region.tape, found)
     if goes_on is not None:
-        (region.goes_on,) = flat(region.tape, [as_mask(symbols(goes_on))])
+        (region.goes_on,) = flat(region.tape, [expressions.as_mask(expressions.symbols(goes_on))])
     region.kept = None if kept is None else flat(region.tape, [kept])
     tape = _current.get()
     operands = (*flat(tape, state), *(tape.own(o) for o in region.captures))
@@ -253,7 +244,7 @@ def tracing(tape: Tape) -> Iterator[None]:
 def flat(tape: Tape, arrays: Iterable[Any]) -> list[Operand]:
     """Return the elements of arrays one after the other, as a tape has them; masks as 1 and 0."""
     return [
-        tape.own(as_number(o)) if isinstance(o, Expression) else float(o)
+        tape.own(expressions.as_number(o)) if isinstance(o, Expression) else float(o)
         for a in arrays
         for o in asarray(a).flat
     ]
@@ -266,7 +257,9 @@ def _results(call: Expression, shapes: Sequence[tuple[int, ...]]) -> list[Any]:
 
 def _arrays(values: Iterator[Expression], shapes: Sequence[tuple[int, ...]]) -> list[Any]:
     """Return expressions, as many as are needed, as arrays of shapes."""
-    return [symbols(asarray([*islice(values, int(np.prod(s)))]).reshape(s)) for s in shapes]
+    return [
+        expressions.symbols(asarray([*islice(values, int(np.prod(s)))]).reshape(s)) for s in shapes
+    ]
 
 
 CONSTANT = frozenset(name for name, each in OPERATIONS.items() if each.pullback is None)
@@ -290,11 +283,13 @@ def derivatives(of: Operand, by: Any) -> Any:
     """
     by = asarray(by)
     variables = [o for o in by.flat if isinstance(o, Expression)]
-    found = np.full(by.shape, 0.0, dtype=object).view(Symbols)
+    found = np.full(by.shape, 0.0, dtype=object).view(expressions.Symbols)
     if not isinstance(of, Expression) or all(o.tape.depth > of.tape.depth for o in variables):
         return found
     if any(o.tape is not of.tape for o in variables):
-        raise TracingError("an expression and variables of its derivative stand in other loops")
+        raise expressions.TracingError(
+            "an expression and variables of its derivative stand in other loops"
+        )
     depends = {o.number for o in variables}
     needed = of.tape.needed([of])
     for e in needed:
@@ -306,7 +301,7 @@ def derivatives(of: Operand, by: Any) -> Any:
     for e in reversed(needed):
         if e.number in depends and e.operation != "var" and e.number in slopes:
             if e.operation not in OPERATIONS:
-                raise TracingError(f"no derivative is taken through a {e.operation}")
+                raise expressions.TracingError(f"no derivative is taken through a {e.operation}")
             pullback: Any = OPERATIONS[e.operation].pullback
             shares = pullback(slopes[e.number], e, *e.operands)
             for o, share in zip(e.operands, shares, strict=True):
@@ -379,7 +374,9 @@ def trace(
     single = not isinstance(found, tuple)
     outputs = [found] if single else list(found)
     if any(isinstance(o, Rows) and o.loop.tape is not tape for o in outputs):
-        raise TracingError("rows that are returned are kept by a loop that stands in no other")
+        raise expressions.TracingError(
+            "rows that are returned are kept by a loop that stands in no other"
+        )
     traced = Traced(shared, tape, numbers, dict(inputs), looked, called, outputs, single)
     for output in outputs:
         if not isinstance(output, Rows):
@@ -411,7 +408,7 @@ def interpreted(traced: Traced, inputs: Mapping[str, Any]) -> list[npt.NDArray[n
             elif e.operation in OPERATIONS:
                 values[e] = OPERATIONS[e.operation].numpy(*map(value, e.operands))
             else:
-                raise TracingError(f"a {e.operation} is not run by NumPy")
+                raise expressions.TracingError(f"a {e.operation} is not run by NumPy")
     outputs = []
     for output in traced.outputs:
         columns = [np.broadcast_to(value(o), m) for o in traced.flat(output)]

@@ -64,17 +64,11 @@ class Inertial(NamedTuple):
         )
         if m.shape or not LEAST_MASS <= m <= LARGEST:
             given = shown(mass) if m.shape else f"{m:g}"
-            raise ModelError(
-                f"{prefix}mass is {given} kg; give a positive mass up to {LARGEST:g} kg"
-            )
+            raise ModelError(f"{prefix}mass is {given} kg; give a positive mass to {LARGEST:g} kg")
         if I.shape != (3, 3) or not (np.abs(I) <= LARGEST).all() or not np.allclose(I, I.T):
-            raise ModelError(
-                f"{prefix}inertia must be a symmetric (3, 3) matrix; got {shown(inertia)}"
-            )
+            raise ModelError(f"{prefix}inertia is {shown(inertia)}; give a symmetric (3, 3) matrix")
         if c.shape != (3,) or not (np.abs(c) <= LARGEST).all():
-            raise ModelError(
-                f"{prefix}com is {shown(com)}; give 3 finite numbers up to {LARGEST:g} m"
-            )
+            raise ModelError(f"{prefix}com is {shown(com)}; give 3 numbers up to {LARGEST:g} m")
         rigid = cls(float(m), pin.SE3(np.eye(3), c), I)
         if I.any() and (fault := rigid.fault()):
             raise ModelError(f"{body} {fault}; give {prefix}mass and {prefix}inertia of a body")

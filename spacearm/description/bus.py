@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass, fields, replace
-from typing import Any
+from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, NO_NUMBERS, Array, plain
+from spacearm.arrays import LARGEST, NO_NUMBERS, Array, Parameters
 from spacearm.description.bodies import LONGEST, Inertial
 from spacearm.description.shapes import Box, Shape, Visuals
 from spacearm.description.tree import Tree
@@ -64,7 +63,7 @@ def body(name: str, rigid: Inertial, edges: Array | None, rgba: tuple[float, ...
 
 @checked
 @dataclass(frozen=True, eq=False)
-class Bus:
+class Bus(Parameters):
     """A spacecraft bus, to which `mount` bolts arms.
 
     Attributes:
@@ -92,10 +91,6 @@ class Bus:
     def __post_init__(self) -> None:
         for doubt in self.tree().notes:
             warn(doubt)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain JSON data."""
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
     @property
     def top(self) -> pin.SE3:

@@ -193,13 +193,10 @@ def _length(pose: pin.SE3) -> float:
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
-TIPS: tuple[frozenset[str], ...] = (
-    frozenset({"tcp"}),
-    frozenset({"tool", "tooltip"}),
-    frozenset({"grasp", "grasping", "pinch"}),
-    frozenset({"ee", "eef", "eff", "effector", "endeffector", "endpoint"}),
-    frozenset({"tip"}),
-)
+TIPS = (
+    {"tcp"}, {"tool", "tooltip"}, {"grasp", "grasping", "pinch"},
+    {"ee", "eef", "eff", "effector", "endeffector", "endpoint"}, {"tip"},
+)  # fmt: skip
 """Words of frames that tell where a tool works, the surest first."""
 HANDS = frozenset({"flange", "attachment", "hand", "palm", "gripper", "grip", "grapple"})
 """Words of what a tool is fastened to, or of a hand as a whole."""

@@ -139,9 +139,7 @@ def find_arm(arm: RobotSource) -> ArmInfo | None:
     """
     info = _named("arm", arm, arms_by_name())
     if info and not info.path.is_file():
-        raise ModelError(
-            f"{info.name}: {info.path} is missing; pip install 'example-robot-data>=6,<7'"
-        )
+        raise ModelError(f"no {info.path} of {info.name}; pip install 'example-robot-data>=6,<7'")
     return info
 
 

@@ -100,6 +100,8 @@ def _scaled(geometry: Geometry, factor: float) -> Geometry:
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
 """Angles of the points on round shapes [rad]."""
+CORNERS = np.indices((2, 2, 2)).reshape(3, -1).T
+"""Corners of the cube from 0 to 1."""
 
 
 class Shape(NamedTuple):
@@ -128,7 +130,7 @@ class Shape(NamedTuple):
         with np.errstate(over="ignore", invalid="ignore"):  # of sizes that are checked in use
             match self.geometry:
                 case Mesh(_, Path() as file, scale) if (ends := mesh_bounds(file)) is not None:
-                    local = ends[np.indices((2, 2, 2)).reshape(3, -1).T, range(3)] * scale
+                    local = ends[CORNERS, range(3)] * scale
                     points = local @ self.pose.rotation.T + self.pose.translation
                 case Mesh():
                     return 0.0
@@ -147,18 +149,11 @@ class Shape(NamedTuple):
         """
         match self.geometry:
             case Box(size):
-                local = np.indices((2, 2, 2)).reshape(3, -1).T * np.asarray(size) - 0.5 * np.array(
-                    size
-                )
+                local = (CORNERS - 0.5) * np.asarray(size)
             case Sphere(radius):
-                polar = TURN[: len(TURN) // 2 + 1, None]
-                ring = np.stack(
-                    np.broadcast_arrays(
-                        np.sin(polar) * np.cos(TURN), np.sin(polar) * np.sin(TURN), np.cos(polar)
-                    ),
-                    axis=-1,
-                )
-                local = radius * ring.reshape(-1, 3)
+                polar, turn = (x.ravel() for x in np.meshgrid(TURN[: len(TURN) // 2 + 1], TURN))
+                rim = np.sin(polar) * np.array((np.cos(turn), np.sin(turn)))
+                local = radius * np.column_stack((*rim, np.cos(polar)))
             case Cylinder(radius, length):
                 rim = radius * np.column_stack((np.cos(TURN), np.sin(TURN), 0.0 * TURN))
                 up = np.array([0.0, 0.0, length / 2.0])

@@ -13,6 +13,7 @@ from pathlib import Path
 from lxml import etree
 
 from spacearm.description.tree import Tree
+from spacearm.files import read, xml
 
 HOME = "home"
 """Name of the position in which a robot rests, in SRDF and MJCF."""
@@ -96,12 +97,8 @@ def _files(path: Path) -> Iterator[Path]:
 
 def _read(file: Path) -> etree._Element | None:
     """Return the root of an SRDF, without entities or network access; None if it is none."""
-    parser = etree.XMLParser(
-        resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True
-    )
     try:
-        document = etree.parse(file, parser)
+        robot = xml(read(file), bare=True)
     except (OSError, etree.XMLSyntaxError):
         return None
-    sound = document.getroot().tag == "robot" and not document.docinfo.doctype
-    return document.getroot() if sound else None
+    return robot if robot.tag == "robot" and not robot.getroottree().docinfo.doctype else None

@@ -16,15 +16,8 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from spacearm.description.grippers import (
-    fingers,
-    is_finger,
-    is_hand,
-    is_wheel,
-    measures,
-    shared,
-    tip_rank,
-)
+from spacearm.description import grippers
+from spacearm.description.grippers import fingers
 from spacearm.description.srdf import named_tips
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, listed, unknown
@@ -118,7 +111,7 @@ def _found(tree: Tree, path: Path) -> Tips:
             f"{path}: {tree.freedoms} movable joints are too many to look for a tip among; name "
             "it: tip=LINK"
         )
-    common, arms = shared(joint.child for joint in tree.movable()), _arms(tree)
+    common, arms = grippers.shared(joint.child for joint in tree.movable()), _arms(tree)
     found = [tip for body, begin in arms.items() for tip in _on(tree, common, body, begin)]
     candidates = _named_by_srdf(tree, common, path, arms) or found
     if not candidates:
@@ -183,7 +176,7 @@ def _arms(tree: Tree) -> dict[str, tuple[str, ...]]:
     palms = fingers(tree)
     first = {joint for begin in palms.values() for joint in begin}
     ends: dict[str, tuple[str, ...]] = {}
-    carries = {joint.child for joint in tree.joints.values() if is_wheel(joint.name, joint.child)}
+    carries = {j.child for j in tree.joints.values() if grippers.is_wheel(j.name, j.child)}
     for joint in tree.movable():
         carrier = tree.body_of[joint.parent]
         if joint.name not in first and (carrier in ends or carrier == tree.root):
@@ -213,20 +206,20 @@ def _on(tree: Tree, common: Collection[str], body: str, begin: Sequence[str]) ->
         begin: The joints on it at which fingers begin.
     """
     links, count = tree.lumps[body], _count(tree, body)
-    ranks = {link: tip_rank(link, common) for link in links}
+    ranks = {link: grippers.tip_rank(link, common) for link in links}
     if named := _outermost(tree, [link for link, rank in ranks.items() if rank is not None]):
         surest = min(rank for link in named if (rank := ranks[link]) is not None)
         named = [link for link in named if ranks[link] == surest]
         return [_Candidate(link, "its name is one for tips", True, count) for link in named]
-    if hands := _outermost(tree, [link for link in links if is_hand(link, common)]):
-        hands = [fork] if is_hand(fork := _fork(tree, hands), common) else hands
+    if hands := _outermost(tree, [link for link in links if grippers.is_hand(link, common)]):
+        hands = [fork] if grippers.is_hand(fork := _fork(tree, hands), common) else hands
         return [_Candidate(link, "its name is one for hands", True, count) for link in hands]
     if begin:
         held = " and ".join(begin)
         palms = {tree.joints[name].parent for name in begin}
         palm = _fork(tree, sorted(palms))
         return [_Candidate(palm, f"it is the last link before the fingers {held}", True, count)]
-    leaves = [link for link in tree.leaves() if link in links and not measures(link)]
+    leaves = [link for link in tree.leaves() if link in links and not grippers.measures(link)]
     leaves = list(dict.fromkeys(_without_fingers(tree, common, leaf) for leaf in leaves))
     depth = {leaf: len(tree.chain(leaf)) for leaf in leaves or [body]}
     outer = _fork(tree, [leaf for leaf in depth if depth[leaf] == max(depth.values())])
@@ -239,7 +232,7 @@ def _on(tree: Tree, common: Collection[str], body: str, begin: Sequence[str]) ->
 def _without_fingers(tree: Tree, common: Collection[str], link: str) -> str:
     """Return the last link on the fixed way to a link that is not named as a finger, else it."""
     for joint in reversed(tree.chain(link)):
-        if not is_finger(joint.child, common):
+        if not grippers.is_finger(joint.child, common):
             return joint.child
         if joint.movable:
             break
@@ -324,13 +317,8 @@ def hold(tree: Tree, tips: Sequence[str], joints: Counting) -> tuple[Tree, dict[
         joints: Which joints count; see `loading.load`.
 
     Raises:
-        ConfigurationError: joints is neither "tip", "all" nor names, or names no movable joint or
-            one that mimics another.
+        ConfigurationError: joints names no movable joint, or one that mimics another.
     """
-    if not isinstance(joints, Collection) or (
-        isinstance(joints, str) and joints not in ("tip", "all")
-    ):
-        raise ConfigurationError(f'joints is {joints!r}; give "tip", "all" or a list of names')
     leading = {joint.name: joint for joint in tree.leading()}
     counting = {tree.leader(joint).name for tip in tips for joint in tree.movable(tip)}
     if joints == "all":

@@ -135,6 +135,17 @@ class Tree:
             marks=tuple(map(rename, self.marks)),
         )
 
+    def within(self, links: Collection[str]) -> Tree:
+        """Return the part of the tree that consists of these links, from its root on."""
+        return replace(
+            self,
+            links={name: part for name, part in self.links.items() if name in links},
+            joints={name: joint for name, joint in self.joints.items() if joint.parent in links},
+            visuals={name: shapes for name, shapes in self.visuals.items() if name in links},
+            tips=tuple(tip for tip in self.tips if tip in links),
+            marks=tuple(mark for mark in self.marks if mark in links),
+        )
+
     def with_joints(self, *joints: Joint) -> Tree:
         """Return the tree with these joints in place of those of the same names."""
         return replace(self, joints={**self.joints, **{joint.name: joint for joint in joints}})
@@ -468,13 +479,8 @@ class Tree:
             placement = placement * joint.origin
             if joint.movable:
                 limits = (joint.effort, joint.velocity, joint.lower, joint.upper)
-                carrier = model.addJoint(
-                    carrier,
-                    joint.pinocchio(),
-                    placement,
-                    joint.name,
-                    *(np.array([limit]) for limit in limits),
-                )
+                ends = (np.array([limit]) for limit in limits)
+                carrier = model.addJoint(carrier, joint.pinocchio(), placement, joint.name, *ends)
                 placement = pin.SE3.Identity()
             home[joint.child] = (carrier, placement)
         for link, (carrier, placement) in home.items():

@@ -12,17 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spacearm.equations.kinematics import (
-    COLUMNS,
-    ROWS,
-    SYMMETRIC,
-    Parameters,
-    Posture,
-    Structure,
-    about,
-    base_twist,
-    posture,
-)
+from spacearm.equations import kinematics
+from spacearm.equations.kinematics import Parameters, Posture, Structure
 from spacearm.equations.linear_algebra import eliminated, pivots, solve
 
 
@@ -50,7 +41,7 @@ def unloaded(at: Posture) -> Loads:
 
 def generalized_inertia(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
     """Compute the generalized inertia H* (n, n) of a floating arm."""
-    return inertia(xp, tree, posture(xp, tree, p, q))
+    return inertia(xp, tree, kinematics.posture(xp, tree, p, q))
 
 
 def inertia(xp: Any, tree: Structure, at: Posture) -> Any:
@@ -86,7 +77,7 @@ def _of_base(tree: Structure, at: Posture) -> Any:
 
 def forward_dynamics(xp: Any, tree: Structure, p: Parameters, q: Any, dq: Any, tau: Any) -> Any:
     """Compute the joint accelerations (n,) at zero momentum: H* ddq + c* = tau."""
-    at = posture(xp, tree, p, q)
+    at = kinematics.posture(xp, tree, p, q)
     free = (tau - bias(xp, tree, at, dq, unloaded(at)))[:, None]
     return solve(xp, inertia(xp, tree, at), free)[:, 0]
 
@@ -114,7 +105,7 @@ def twists(xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads) -> tupl
     s = at.s * rates[:, None]
     own = loads.h - loads.held.sum(axis=0)
     h = xp.concatenate([np.zeros(3), own], axis=0) - rates @ at.P
-    return _outwards(xp, tree, base_twist(xp, tree, at, h[:, None])[:, 0], s), s
+    return _outwards(xp, tree, kinematics.base_twist(xp, tree, at, h[:, None])[:, 0], s), s
 
 
 def _outwards(xp: Any, tree: Structure, base: Any, s: Any) -> Any:
@@ -150,18 +141,19 @@ def bias(xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads) -> Any:
     v, w = tree.slide * at.s[:, :3], at.s[:, 3:]  # of each joint at its own origin
     c = (v * xp.stack(F[1:]) + w * xp.stack(N[1:])).sum(axis=1)
     c_b = xp.concatenate([F[0], N[0] + xp.cross(at.origins[0], F[0])], axis=0)
-    return tree.gains.T @ (c - at.P @ base_twist(xp, tree, at, c_b[:, None])[:, 0])
+    return tree.gains.T @ (c - at.P @ kinematics.base_twist(xp, tree, at, c_b[:, None])[:, 0])
 
 
 def _carried(xp: Any, tree: Structure, at: Posture) -> tuple[Any, Any]:
     """Compute first moments (N, 3) and inertias (N, 3, 3) of what joints carry, about each."""
     r = at.centres - at.origins
     m, s = [*at.masses], [*(at.masses * r)]
-    I = [*(at.inertias[:, ROWS, COLUMNS] + about(r, at.masses * r))]
+    six = at.inertias[:, kinematics.ROWS, kinematics.COLUMNS]
+    I = [*(six + kinematics.about(r, at.masses * r))]
     for i in range(len(I) - 1, 0, -1):
         if (inner := tree.parents[i]) > 0:
             e = (at.origins[i] - at.origins[inner])[None]
             mean = s[i] + 0.5 * m[i] * e
-            I[inner] = I[inner] + I[i] + (about(e, mean) + about(mean, e))[0]
+            I[inner] = I[inner] + I[i] + (kinematics.about(e, mean) + kinematics.about(mean, e))[0]
             m[inner], s[inner] = m[inner] + m[i], s[inner] + s[i] + m[i] * e[0]
-    return xp.stack(s[1:]), xp.stack(I[1:])[:, SYMMETRIC]
+    return xp.stack(s[1:]), xp.stack(I[1:])[:, kinematics.SYMMETRIC]

@@ -106,11 +106,8 @@ class RunState(NamedTuple):
 
 def weighted_sum(weights: Sequence[float], stages: Sequence[Any]) -> Any:
     """Compute a weighted sum of stages."""
-    found: Any = 0.0
-    for weight, stage in zip(weights, stages, strict=False):
-        if weight != 0.0:
-            found = found + weight * stage
-    return found
+    pairs = zip(weights, stages, strict=False)
+    return sum((weight * stage for weight, stage in pairs if weight != 0.0), 0.0)
 
 
 def _norm(xp: Any, problem: Problem, y: Any, other: Any, error: Any) -> Any:
@@ -250,17 +247,9 @@ def first_step(xp: Any, rate: Rate, problem: Problem, t: Any, y: Any, dy: Any, e
 
 
 def advance(
-    xp: Any,
-    rate: Rate,
-    problem: Problem,
-    start: RunState,
-    end: Any,
-    *,
-    most: int,
-    implicit: bool = False,
-    switches: Any = 0.0,
-    dense: bool = True,
-) -> tuple[RunState, Any]:
+    xp: Any, rate: Rate, problem: Problem, start: RunState, end: Any, *, most: int,
+    implicit: bool = False, switches: Any = 0.0, dense: bool = True,
+) -> tuple[RunState, Any]:  # fmt: skip
     """Take up to `most` steps, rejected ones included, towards the time `end`.
 
     Args:
@@ -334,7 +323,5 @@ def advance(
     begun = (start.t, start.y, dy, h, zero + MOST, status, start.stiff + zero, start.holdoff + zero,
              start.eigenvalue + zero, zero)  # fmt: skip
     *found, rows = xp.while_any(step, *begun, most=most, keep=True)
-    now = [
-        xp.where(status <= 0.0, after, before) for after, before in zip(found, begun, strict=True)
-    ]
+    now = [xp.where(status <= 0.0, *both) for both in zip(found, begun, strict=True)]
     return RunState(now[0], now[1], now[3], *now[5:]), rows

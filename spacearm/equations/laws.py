@@ -14,15 +14,10 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from spacearm.equations import linear_algebra
 from spacearm.equations.dynamics import inverse_dynamics
 from spacearm.equations.kinematics import Mode, Posture, Structure, jacobian_at
-from spacearm.equations.linear_algebra import (
-    bidiagonal,
-    reciprocal,
-    reflected,
-    reflector,
-    unreflected,
-)
+from spacearm.equations.linear_algebra import reflected, unreflected
 from spacearm.equations.turns import cross_matrix
 
 UPSIDE_DOWN = 1e-9 - 1.0
@@ -94,7 +89,7 @@ def rotation_vector(xp: Any, start: Any, end: Any) -> Any:
     n, e = found[0], found[1:]
     length = xp.sqrt((e * e).sum())
     angle = xp.where(n < 0.0, -2.0, 2.0) * xp.arctan2(length, xp.absolute(n))
-    return e * (angle * reciprocal(xp, length))
+    return e * (angle * linear_algebra.reciprocal(xp, length))
 
 
 def goal_step(xp: Any, A: Any, rows: tuple[int, ...], start: Any, end: Any) -> Any:
@@ -339,7 +334,7 @@ def resolved_rates(
     k, n = J.shape
     if k > n:
         return np.full(n, np.nan)
-    form = bidiagonal(xp, J)
+    form = linear_algebra.bidiagonal(xp, J)
     within = np.zeros(n - k) if rest is None else gain * reflected(xp, form.left, rest)[k:]
     regular = form.least(xp) > least * least * form.largest(xp)
     return xp.where(regular, form.solution(xp, wanted, within), np.nan)
@@ -357,7 +352,7 @@ def damped_rates(xp: Any, J: Any, wanted: Any, damping: Any, threshold: Any) -> 
             lambda^2 = damping^2 (1 - (sigma_min / threshold)^2).
     """
     k, n = J.shape
-    form = bidiagonal(xp, J if k <= n else J.T)
+    form = linear_algebra.bidiagonal(xp, J if k <= n else J.T)
     q, e = form.q, form.e
     nearness = xp.minimum(xp.sqrt(form.least(xp)) / threshold, 1.0)
     square = damping * damping * (1.0 - nearness * nearness)
@@ -397,7 +392,9 @@ def reactionless_rates(
             row = xp.where(longer, rows[other, i:], row)
             size = xp.where(longer, sizes[other], size)
         longest = size if longest is None else longest
-        reflections.append(reflector(xp, xp.where(size > least * least * longest, row, 0.0))[1])
+        reflections.append(
+            linear_algebra.reflector(xp, xp.where(size > least * least * longest, row, 0.0))[1]
+        )
         rows = reflections[-1].of(xp, rows.T).T
     J_N = reflected(xp, reflections, J.T)[rank:].T
     rates = damped_rates(xp, J_N, wanted, damping, threshold)
@@ -410,12 +407,12 @@ def _damped(xp: Any, q: Any, e: Any, x: Any, square: Any) -> Any:
     rest, d, factors = square, [q[0] * q[0] + square], []
     z = [x[0]]
     for i in range(k - 1):
-        inverse = reciprocal(xp, d[i])
+        inverse = linear_algebra.reciprocal(xp, d[i])
         factors.append(q[i] * e[i] * inverse)
         rest = e[i] * e[i] * rest * inverse + square
         d.append(q[i + 1] * q[i + 1] + rest)
         z.append(x[i + 1] - factors[i] * z[i])
-    found = [z[k - 1] * reciprocal(xp, d[k - 1])]
+    found = [z[k - 1] * linear_algebra.reciprocal(xp, d[k - 1])]
     for i in range(k - 2, -1, -1):
-        found = [z[i] * reciprocal(xp, d[i]) - factors[i] * found[0], *found]
+        found = [z[i] * linear_algebra.reciprocal(xp, d[i]) - factors[i] * found[0], *found]
     return xp.stack(found)

@@ -157,9 +157,7 @@ def reflected(xp: Any, reflections: list[Reflection], x: Any) -> Any:
 
 def unreflected(xp: Any, reflections: list[Reflection], x: Any) -> Any:
     """Return L x, L the product of reflections."""
-    for reflection in reversed(reflections):
-        x = reflection.of(xp, x)
-    return x
+    return reflected(xp, reflections[::-1], x)
 
 
 class Bidiagonal(NamedTuple):

@@ -301,9 +301,8 @@ def judge(xp: Any, seen: Seen, now: tuple[Any, Any, Any, Any, Any], arrived: Any
     before = seen.last[0]
     last = xp.concatenate([xp.stack(now)[None], seen.last[:2]])
     lower = d < seen.distance
-    least, where = _bottom(
-        xp, last, xp.where(lower, d, seen.distance), xp.where(lower, s, seen.where)
-    )
+    least, where = xp.where(lower, d, seen.distance), xp.where(lower, s, seen.where)
+    least, where = _bottom(xp, last, least, where)
     lost = (least <= 0.0) | ~xp.less_equal(d, d)
     ended = xp.where(arrived, float(ARRIVED), float(RUNNING))
     share: Any = 1.0

@@ -20,20 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from spacearm.equations.kinematics import (
-    COLUMNS,
-    ROWS,
-    SYMMETRIC,
-    Parameters,
-    Structure,
-    about,
-    jacobian,
-    momenta,
-    posture,
-    task_jacobian,
-    task_jacobian_at,
-    tip_twist,
-)
+from spacearm.equations import kinematics
+from spacearm.equations.kinematics import COLUMNS, ROWS, SYMMETRIC, Parameters, Structure
 from spacearm.equations.linear_algebra import bidiagonal, least_with_vectors, minors, reciprocal
 
 MOST_MINORS = 250
@@ -52,8 +40,8 @@ def singularity(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
     k, n = len(tree.rows), tree.n
     if k > n:
         return 0.0 * q[0]
-    at = posture(xp, tree, p, q)
-    J = task_jacobian_at(xp, tree, at)
+    at = kinematics.posture(xp, tree, p, q)
+    J = kinematics.task_jacobian_at(xp, tree, at)
     many = comb(n, k) > MOST_MINORS
     found = minors(J @ J.T if many else J)
     if tree.mode == "free-floating":
@@ -77,13 +65,13 @@ def measures(
             `spacearm.evaluate` has them.
     """
     k, n = len(tree.rows), tree.n
-    at = posture(xp, tree, p, q)
+    at = kinematics.posture(xp, tree, p, q)
     r = at.tip_positions[0]
     known = {"radius": xp.sqrt((r * r).sum())}
     if k > n:
         known |= {"sigma_min": 0.0, "manipulability": 0.0, "condition": np.inf}
         return tuple(known.get(name, np.nan) for name in names)
-    form = bidiagonal(xp, task_jacobian_at(xp, tree, at))
+    form = bidiagonal(xp, kinematics.task_jacobian_at(xp, tree, at))
     least = form.least(xp)
     product = form.sign
     for entry in form.q:
@@ -106,13 +94,15 @@ def columns(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
     Of a spacecraft that does not float B is zero and P its Jacobian.
     """
     if tree.mode != "free-floating":
-        J = jacobian(xp, tree, p, q)
+        J = kinematics.jacobian(xp, tree, p, q)
         return xp.concatenate([np.zeros((6, 6)), J], axis=1)
-    at = posture(xp, tree, p, q)
+    at = kinematics.posture(xp, tree, p, q)
     moves, sign = moved(tree), np.where(tree.reaches[0], -1.0, 1.0)[:, None]
     moments = at.masses * at.centres
-    inertias = moves @ (at.inertias[:, ROWS, COLUMNS] + about(at.centres, moments))
-    P = sign * momenta(xp, moves @ at.masses, moves @ moments, inertias[:, SYMMETRIC], at.s)
+    inertias = moves @ (at.inertias[:, ROWS, COLUMNS] + kinematics.about(at.centres, moments))
+    P = sign * kinematics.momenta(
+        xp, moves @ at.masses, moves @ moments, inertias[:, SYMMETRIC], at.s
+    )
     M, r = at.M[0], at.tip_positions[0]
     turned = xp.cross(M * r, np.eye(3)).T
     linear = xp.concatenate([M * np.eye(3), turned], axis=1)
@@ -127,15 +117,9 @@ def moved(tree: Structure) -> Any:
 
 
 def determinants(
-    xp: Any,
-    tree: Structure,
-    p: Parameters,
-    q: Any,
-    row_unit: Any,
-    column_unit: Any,
-    rows: tuple[int, ...],
-    chosen: Columns,
-) -> Any:
+    xp: Any, tree: Structure, p: Parameters, q: Any, row_unit: Any, column_unit: Any,
+    rows: tuple[int, ...], chosen: Columns,
+) -> Any:  # fmt: skip
     """Compute determinants (c,) of `columns`.
 
     Args:
@@ -154,7 +138,7 @@ def determinants(
 
 def tip_from_centre(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
     """Compute the tip (3,) from the system CM, of a fixed spacecraft from its own [m]."""
-    at = posture(xp, tree, p, q)
+    at = kinematics.posture(xp, tree, p, q)
     own = at.r_cm - p.centres[0] if tree.mode == "fixed" else np.zeros(3)
     return at.tip_positions[0] + own
 
@@ -190,22 +174,24 @@ def distance(
         rows that span the normal space of the set, per radian, of which the first leads away.
     """
     task = np.array(tree.rows)
-    J = task_jacobian(xp, tree, p, q) * radians
+    J = kinematics.task_jacobian(xp, tree, p, q) * radians
     norm = xp.sqrt((J * J).sum())
     least = least_with_vectors(xp, J)
     force = xp.hold(least.u * tree.scale[:, 0])
 
     def slope(q: Any, force: Any, rates: Any) -> Any:
         def power(q: Any) -> Any:
-            return force @ tip_twist(xp, tree, posture(xp, tree, p, q), rates)[task]
+            return (
+                force
+                @ kinematics.tip_twist(xp, tree, kinematics.posture(xp, tree, p, q), rates)[task]
+            )
 
         return xp.gradient(power, q)
 
     if len(least.null) > INLINE:
         slope = xp.procedure(slope)
-    slopes = [
-        slope(q, force, xp.hold(rates * radians)) * radians for rates in [least.v, *least.null]
-    ]
+    ways = (xp.hold(way * radians) for way in (least.v, *least.null))
+    slopes = [slope(q, force, rates) * radians for rates in ways]
     return way_out(xp, slopes, norm, least.sigma, fading)
 
 
@@ -250,9 +236,8 @@ def nearest(
         return there - share * (there - before), there, way, turns + 1.0, far, moved, goes
 
     zero = 0.0 * q
-    X, _, _, _, far, moved = xp.while_any(
-        step, zero, zero, zero, zero[0], zero[0], zero[0], most=most
-    )
+    begun = (zero, zero, zero, zero[0], zero[0], zero[0])
+    X, _, _, _, far, moved = xp.while_any(step, *begun, most=most)
     wanted = xp.logical_and(far > between[0], far < between[1])
     far = xp.where(wanted, xp.sqrt((X * X).sum()), far)
     return xp.concatenate([xp.stack([far, moved]), X])
@@ -275,8 +260,7 @@ def way_out(xp: Any, slopes: list[Any], norm: Any, sigma: Any, fading: Any) -> t
     n = len(slopes[0])
     kept: list[Any] = []
     for r, slope in enumerate(slopes[1:]):
-        row = xp.concatenate([slope, pad * np.eye(others)[r]])
-        row = _across(kept, row)
+        row = _across(kept, xp.concatenate([slope, pad * np.eye(others)[r]]))
         kept.append(row * reciprocal(xp, xp.sqrt((row * row).sum())))
     g = _across(kept, xp.concatenate([slopes[0], np.zeros(others)]) if others else slopes[0])
     full, way = xp.sqrt((g * g).sum()), xp.sqrt((g[:n] * g[:n]).sum())

@@ -15,20 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from spacearm.equations import laws as control
 from spacearm.equations.dynamics import Loads, accelerations, twists
 from spacearm.equations.kinematics import Parameters, Structure, posture, task_jacobian_at
-from spacearm.equations.laws import (
-    Law,
-    Pose,
-    Source,
-    State,
-    attitude,
-    called,
-    law_miss,
-    law_torques,
-    quaternion_rate,
-    rotation_vector,
-)
+from spacearm.equations.laws import Law, Pose, Source, State, attitude, called
 from spacearm.equations.linear_algebra import minors
 
 SLOWING = 0.9
@@ -91,10 +81,6 @@ class Setup(NamedTuple):
     passive: bool = False
     limits: bool = False
     events: tuple[Event, ...] = ()
-
-    def law_shapes(self, n: int) -> tuple[Shapes, ...]:
-        """Return the layouts of the numbers of the laws, one after the other."""
-        return tuple(law.numbers(n) for law in self.laws)
 
     def plant_shapes(self, n: int) -> Shapes:
         """Return the layout of the other numbers."""
@@ -163,16 +149,14 @@ def moving(
     where = parts(n, len(setup.wheels))
     given = taken(plant, setup.plant_shapes(n))
     own, first = [], 0
-    for shapes in setup.law_shapes(n):
+    for shapes in (law.numbers(n) for law in setup.laws):
         own.append(taken(laws[first : first + size(shapes)], shapes))
         first += size(shapes)
     at = posture(xp, tree, p, y[where.q])
     R = attitude(xp, y[where.attitude])
-    com, base = y[where.com], given["base"]
-    if tree.mode == "fixed":
-        com = base + R @ at.r_cm
-    else:
-        base = com - R @ at.r_cm
+    fixed = tree.mode == "fixed"
+    com = given["base"] + R @ at.r_cm if fixed else y[where.com]
+    base = given["base"] if fixed else com - R @ at.r_cm
     tips = tuple(
         Pose(R @ at.tip_rotations[i], com + R @ at.tip_positions[i]) for i in range(len(tree.tips))
     )
@@ -194,7 +178,7 @@ def _asked(xp: Any, now: State, setup: Setup, calls: Calls) -> Any:
     """Compute the torques (n,) that the laws ask for."""
     tau = np.zeros(now.tree.n)
     for i, (law, numbers) in enumerate(zip(setup.laws, now.own, strict=True)):
-        tau = tau + law_torques(xp, now, law, numbers, calls.get(law.name(i)))
+        tau = tau + control.law_torques(xp, now, law, numbers, calls.get(law.name(i)))
     return tau
 
 
@@ -231,7 +215,7 @@ def state_rate(
         p: Its numbers.
         t: Time [s].
         y: (states,) the state.
-        laws: The numbers of the laws, as `Setup.law_shapes` lays them out.
+        laws: The numbers of the laws, one law after the other, as `Law.numbers` lays them out.
         plant: The other numbers, as `Setup.plant_shapes` does.
         setup: What else is known.
         held: (n,) torques of a controller of fixed rate, in place of those of the laws.
@@ -249,7 +233,7 @@ def state_rate(
     if spin:
         loads = _loads(xp, now, wheels, pushes, spin)
     ddq = accelerations(xp, tree, now.at, dq, tau + give, loads)
-    turning = quaternion_rate(xp, y[parts(tree.n, 0).attitude], nu[0, 3:])
+    turning = control.quaternion_rate(xp, y[parts(tree.n, 0).attitude], nu[0, 3:])
     drift = np.zeros(3) if tree.mode == "fixed" else now.momentum[:3] / now.at.M
     forces = sum((F for _, _, F, _ in pushes), np.zeros(3))
     moments = sum((N + xp.cross(r, F) for _, r, F, N in pushes), np.zeros(3))
@@ -346,7 +330,7 @@ def _motors(xp: Any, now: State, setup: Setup, calls: Calls, nu: Any) -> list[An
         return [*_over_time(xp, setup.motors, calls.get("motors"), now.t)]
     if not setup.holds:
         return [0.0] * len(setup.wheels)
-    phi = R.T @ rotation_vector(xp, given["level"], R)
+    phi = R.T @ control.rotation_vector(xp, given["level"], R)
     asked = given["spread"] @ (given["hold"][0] * phi + given["hold"][1] * nu[0, 3:])
     asked = xp.minimum(xp.maximum(asked, -given["torque"]), given["torque"])
     momentum = now.wheels
@@ -376,7 +360,7 @@ def event_values(
         elif kind == "target":
             law = setup.laws[index]
             call = calls.get(law.name(index))
-            found.append(law_miss(xp, now, law, now.own[index], call) - bound)
+            found.append(control.law_miss(xp, now, law, now.own[index], call) - bound)
         else:
             seen = xp.concatenate([xp.stack([t]), y])
             found.append(called(xp, calls[f"event{i}"], seen)[0] - bound)

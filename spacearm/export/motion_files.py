@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError, UnsupportedError, imported, listed, unknown
+from spacearm.errors import ConfigurationError, imported, listed, unknown
 from spacearm.files import write, write_folder
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
@@ -57,8 +57,6 @@ def write_motion(motion: Motion, path: str | os.PathLike[str]) -> Path:
         >>> path.read_text().split(",")[:2]
         ['t [s]', 'q joint_1 [rad]']
     """
-    if not isinstance(motion, Motion):
-        raise UnsupportedError(f"a {type(motion).__name__} is no motion; give one, as sa.plan does")
     path = Path(path)
     if path.suffix == ".zarr":
         return _zarr(motion, path)
@@ -185,24 +183,10 @@ WORLD = "world"
 """ROS's name of the inertial frame."""
 JOINTS_AND_BASE = ("q", "dq", "torque", "base")
 """Quantities that have messages of their own."""
-MESSAGES = {
-    "sensor_msgs/JointState": "std_msgs/Header header\nstring[] name\nfloat64[] position\n"
-    "float64[] velocity\nfloat64[] effort",
-    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
-    "geometry_msgs/TransformStamped": "std_msgs/Header header\nstring child_frame_id\n"
-    "geometry_msgs/Transform transform",
-    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
-    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
-    "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\n"
-    "geometry_msgs/Quaternion rotation",
-    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
-    "std_msgs/Float64": "float64 data",
-    "std_msgs/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data",
-    "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset",
-    "std_msgs/MultiArrayDimension": "string label\nuint32 size\nuint32 stride",
-}
-"""Messages as ROS 2 has them."""
+MESSAGES: dict[str, list[str]] = json.loads(
+    Path(__file__).with_name("ros_messages.json").read_text(encoding="utf-8")
+)
+"""Fields of messages as ROS 2 has them."""
 WRITTEN = (
     "sensor_msgs/JointState", "tf2_msgs/TFMessage", "std_msgs/Float64", "std_msgs/Float64MultiArray"
 )  # fmt: skip
@@ -212,10 +196,11 @@ def _definition(message: str) -> str:
     """Return the definition of a message with those of all messages in it."""
     parts = [message]
     for part in parts:  # which grows
-        words = re.split(r"[ \n\[]", MESSAGES[part])
-        parts += [word for word in words if word in MESSAGES and word not in parts]
-    inner = (f"\n{'=' * 80}\nMSG: {name}\n{MESSAGES[name]}" for name in parts[1:])
-    return MESSAGES[message] + "".join(inner) + "\n"
+        kinds = [re.split(r"[ \[]", line)[0] for line in MESSAGES[part]]
+        parts += [kind for kind in kinds if kind in MESSAGES and kind not in parts]
+    texts = {part: "\n".join(MESSAGES[part]) for part in parts}
+    inner = (f"\n{'=' * 80}\nMSG: {part}\n{texts[part]}" for part in parts[1:])
+    return texts[message] + "".join(inner) + "\n"
 
 
 def _mcap(motion: Motion) -> bytes:

@@ -37,9 +37,7 @@ def servo_code(
     n, tips = tree.n, len(tree.tips)
 
     def step(**given: Any) -> Any:
-        seen, limits, memory = (
-            unpacked(STRUCTS[ending], given[ending], n, tips) for ending in TAKEN
-        )
+        seen, limits, memory = (unpacked(STRUCTS[x], given[x], n, tips) for x in TAKEN)
         tick, memory = ticks.step(
             symbols, tree, numbers, seen, limits, memory, servo.frame, servo.keep_attitude
         )

@@ -13,6 +13,8 @@ Nothing here uses the centroidal momentum matrix: the tests compare the two rout
 
 from __future__ import annotations
 
+from itertools import count
+
 import numpy as np
 import pinocchio as pin
 
@@ -109,14 +111,12 @@ class Barycentric(Result):
         """Describe the mass distribution, the bodies' CMs and their barycentres."""
         columns = ("body", "mass distribution", Column("CM from the system CM", "m"),
                    Column("barycentre from its CM", "m"))  # fmt: skip
-        rows = [
-            (i, *values) for i, values in enumerate(zip(self.mu, self.rho, self.c, strict=False))
-        ]
+        bodies = zip(count(), self.mu, self.rho, self.c, strict=False)
         return Description(
             title=f"{len(self.c)} bodies",
             verdict=f"{self.M:.6g} kg",
             notes=["equations (7), (11) and (8), spacecraft axes"],
-            tables=[Table(columns, rows)],
+            tables=[Table(columns, list(bodies))],
         )
 
     @property
@@ -162,8 +162,6 @@ def barycentric(cfg: Configuration) -> Barycentric:
     chain = _Chain(cfg)
     N, m, M = chain.N, chain.m, float(chain.m.sum())
     r, l, p_E, tip = chain.r, chain.l, chain.p_E, chain.tip_body
-    identity = np.eye(3)
-
     mu = np.concatenate(([0.0], np.cumsum(m) / M))  # (7)
     c = l * mu[:-1, None] + r * (1.0 - mu[1:, None])  # (8)
     c_star, r_star, l_star = -c, r - c, l - c  # (9)
@@ -179,18 +177,11 @@ def barycentric(cfg: Configuration) -> Barycentric:
     for i in range(N + 1):
         for j in range(N + 1):
             if i < j:  # (21)
-                D_ij[i, j] = -M * (
-                    l_star[j] @ r_star[i] * identity - np.outer(l_star[j], r_star[i])
-                )
+                D_ij[i, j] = -M * _about(l_star[j], r_star[i])
             elif i > j:  # (23)
-                D_ij[i, j] = -M * (
-                    r_star[j] @ l_star[i] * identity - np.outer(r_star[j], l_star[i])
-                )
+                D_ij[i, j] = -M * _about(r_star[j], l_star[i])
             else:  # (22)
-                D_ij[i, i] = chain.I[i] + sum(
-                    m[k] * (v[i, k] @ v[i, k] * identity - np.outer(v[i, k], v[i, k]))
-                    for k in range(N + 1)
-                )
+                D_ij[i, i] = chain.I[i] + sum(m[k] * _about(v[i, k], v[i, k]) for k in range(N + 1))
     F = np.array(
         [np.where(np.arange(N) < j, chain.u.T, 0.0) @ chain.C for j in range(N + 1)]
     )  # (31)
@@ -204,6 +195,11 @@ def barycentric(cfg: Configuration) -> Barycentric:
     return Barycentric(
         M, mu, r, l, c, v, rho, v_E, *inertias, F, J11, J12, J22, T0=chain.T0, r_cm=r_cm
     )
+
+
+def _about(a: Array, b: Array) -> Array:
+    """Return (a . b) 1 - a b, which for a = b is the inertia of a unit mass at a."""
+    return a @ b * np.eye(3) - np.outer(a, b)
 
 
 def euler_parameters(axis: Array, angle: float) -> tuple[Array, float]:

@@ -22,14 +22,8 @@ from spacearm.equations import measures
 from spacearm.equations.kinematics import jacobian
 from spacearm.equations.plant import Pushed, Setup, loaded_accelerations
 from spacearm.errors import ConfigurationError, ModelError, listed, unknown
-from spacearm.mechanics.arm_kernels import (
-    WIDE,
-    ArmKernel,
-    evaluated,
-    parameters_of,
-    structure_of,
-    worth_compiling,
-)
+from spacearm.mechanics import arm_kernels
+from spacearm.mechanics.arm_kernels import ArmKernel, evaluated, worth_compiling
 from spacearm.mechanics.distance import distances
 from spacearm.mechanics.dynamics import forward_dynamics
 from spacearm.mechanics.jacobian import generalized_jacobian, singular_values_of, task_jacobian
@@ -254,10 +248,9 @@ def _measured(
     """Compute measures (m,) at Q (m, n), a block of `many`, where compiled code may write."""
     rows = max(len(Q), many)
     if names and worth_compiling(rows, SINGLY):
-        options = {"names": names}
-        kernel = ArmKernel([arm], mode, measures.measures, options, lanes=WIDE, rows=rows)
-        found: Sequence[Array] = kernel({"q": Q}, out=out)
-        return found
+        wide, known = arm_kernels.WIDE, {"names": names}
+        kernel = ArmKernel([arm], mode, measures.measures, known, lanes=wide, rows=rows)
+        return kernel({"q": Q}, out=out)
     columns = np.full((len(names), len(Q)), np.nan)
     for i, q in enumerate(Q if names else ()):
         cfg = arm.at(q)
@@ -415,13 +408,12 @@ def _accelerated(
     arm: SpaceArm, mode: BaseMode, links: tuple[str, ...], rows: Rows, place: Array | None
 ) -> Array:
     """Compute accelerations (m, n) by compiled code."""
-    pushed = [arm.model.frames[arm.model.getFrameId(link, pin.BODY)] for link in links]
-    wheels = [arm.model.frames[wheel.frame] for wheel in arm.wheels] if "spin" in rows else []
-    axes = [
-        wheel.placement.rotation @ own.axis for wheel, own in zip(wheels, arm.wheels, strict=False)
-    ]
+    frames = arm.model.frames
+    pushed = [frames[arm.model.getFrameId(link, pin.BODY)] for link in links]
+    wheels = arm.wheels if "spin" in rows else ()
+    axes = [frames[wheel.frame].placement.rotation @ wheel.axis for wheel in wheels]
     setup = Setup(
-        wheels=tuple(int(wheel.parentJoint) - 1 for wheel in wheels),
+        wheels=tuple(int(frames[wheel.frame].parentJoint) - 1 for wheel in wheels),
         pushed=tuple(Pushed(int(frame.parentJoint) - 1, False) for frame in pushed),
     )
     points = [frame.placement.translation for frame in pushed]
@@ -430,8 +422,7 @@ def _accelerated(
     if links:
         given["wrenches"] = np.stack([rows[f"wrench on {link}"] for link in links], axis=1)
     kernel = ArmKernel([arm], mode, loaded_accelerations, {"setup": setup})
-    found: Array = kernel(given, {"placed": placed}, out=[place])
-    return found
+    return kernel(given, {"placed": placed}, out=[place])
 
 
 def _accelerated_singly(
@@ -464,15 +455,13 @@ def minors(arm: SpaceArm, Q: Array, mode: BaseMode, rows: Indices, columns: Indi
     row, column = _units(arm, mode == "free-floating")
     options = {"rows": tuple(rows.tolist()), "chosen": tuple(map(tuple, columns.tolist()))}
     units = {"row_unit": row, "column_unit": column}
-    found: Array = evaluated(arm, mode, measures.determinants, {"q": Q}, units, options=options)
-    return found
+    return evaluated(arm, mode, measures.determinants, {"q": Q}, units, options=options)
 
 
 def columns_seen(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
     """Compute the columns (m, 6, 6 + n) of which `minors` takes determinants, for a check."""
     row, column = _units(arm, mode == "free-floating")
-    found: Array = evaluated(arm, mode, measures.columns, {"q": Q}, once=True)
-    return row[:, None] * found * column
+    return row[:, None] * evaluated(arm, mode, measures.columns, {"q": Q}, once=True) * column
 
 
 def tips_from_centre(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
@@ -484,23 +473,11 @@ def tips_from_centre(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
         UnsupportedError: The arm has several tips.
     """
     arm.require_one_tip()
-    if len(Q) and not worth_compiling(len(Q), SINGLY):
-        return _tips_from_centre_singly(arm, Q, mode)
-    found: Array = evaluated(arm, mode, measures.tip_from_centre, {"q": Q})
-    return found
-
-
-def _tips_from_centre_singly(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
-    """Compute `tips_from_centre` by Pinocchio."""
-    model, data, found = arm.model, arm.borrow(), np.empty((len(Q), 3))
-    full = pin.neutral(model)
-    for i, q in enumerate(Q):
-        full[7:] = arm.all_joints(q)
-        com = pin.centerOfMass(model, data, full, False)
-        tip = pin.updateFramePlacement(model, data, arm.tip_frames[0])
-        found[i] = tip.translation - (model.inertias[1].lever if mode == "fixed" else com)
-    arm.give_back(data)
-    return found
+    if not len(Q) or worth_compiling(len(Q), SINGLY):
+        return evaluated(arm, mode, measures.tip_from_centre, {"q": Q})
+    hub = arm.model.inertias[1].lever
+    cfgs = (arm.at(q) for q in Q)
+    return np.array([c.tips[0].translation - (hub if mode == "fixed" else c.com) for c in cfgs])
 
 
 @lru_cache(maxsize=64)
@@ -510,7 +487,7 @@ def _units(arm: SpaceArm, floating: bool) -> tuple[Array, Array]:
     They are made of the arm's size and of the mass that each joint moves, so that neither tiny nor
     huge arms, nor very light spacecraft, leave the range of floating-point numbers.
     """
-    tree, p = structure_of(arm), parameters_of(arm)
+    tree, p = arm_kernels.structure_of(arm), arm_kernels.parameters_of(arm)
     M = float(p.masses.sum())
     reach = np.linalg.norm(p.joint_positions, axis=1).sum() + np.linalg.norm(p.tip_positions[0])
     gyration = float(np.sqrt(np.trace(p.inertias, axis1=1, axis2=2).sum() / M))

@@ -23,28 +23,20 @@ the kinetic energy, which therefore cannot grow. Braked joints add the constrain
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Literal, get_args
+from typing import ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from spacearm import results
 from spacearm.arrays import Array, finite, positive
 from spacearm.errors import ConfigurationError, ModelError, unknown
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
-from spacearm.results import (
-    Cell,
-    Column,
-    Description,
-    Measure,
-    Result,
-    Table,
-    joint_measures,
-    without_noise,
-)
+from spacearm.results import Description, Measure, Result
 from spacearm.signatures import checked
 
 Wrenches = Mapping[str, npt.ArrayLike]
@@ -82,15 +74,13 @@ class Dynamics(Result):
     def describe(self) -> Description:
         """Describe accelerations, torques and the wrench that holds the spacecraft."""
         slides = self.arm.slides
-        columns: dict[Column | str, Sequence[Cell]] = {
+        forces = zip(results.without_noise(self.tau), slides, strict=True)
+        columns: dict[results.Column | str, Sequence[results.Cell]] = {
             "joint": self.arm.joint_names,
-            "acceleration": joint_measures(self.ddq, slides, per="/s²"),
-            "torque or force": [
-                Measure(x, "N" if slide else "N m")
-                for x, slide in zip(without_noise(self.tau), slides, strict=True)
-            ],
+            "acceleration": results.joint_measures(self.ddq, slides, per="/s²"),
+            "torque or force": [Measure(x, "N" if slide else "N m") for x, slide in forces],
         }
-        facts: dict[str, Cell] = {
+        facts: dict[str, results.Cell] = {
             "acceleration": Measure(self.base_acceleration[:3], "m/s²"),
             "angular acceleration": Measure(self.base_acceleration[3:], "rad/s²"),
             "velocity": Measure(self.twist[:3], "m/s"),
@@ -101,7 +91,7 @@ class Dynamics(Result):
         return Description(
             title=f"{self.arm.name}, dynamics of one state",
             notes=["inertial axes"],
-            tables=[Table.by_columns(columns), Table.facts(facts, "Spacecraft")],
+            tables=[results.Table.by_columns(columns), results.Table.facts(facts, "Spacecraft")],
             not_checked=self.not_checked,
         )
 
@@ -411,8 +401,8 @@ class Capture(Result):
     def describe(self) -> Description:
         """Describe the velocities, the momentum and the impulse of the grasp."""
         cfg, angular = self.configuration, self.twist[3:]
-        rates = joint_measures(self.dq, cfg.arm.slides, per="/s")
-        facts: dict[str, Cell] = {
+        rates = results.joint_measures(self.dq, cfg.arm.slides, per="/s")
+        facts: dict[str, results.Cell] = {
             "spacecraft, velocity": Measure(self.twist[:3], "m/s"),
             "spacecraft, angular velocity": Measure(angular, "rad/s"),
             "momentum": Measure(self.momentum[:3], "kg m/s"),
@@ -426,7 +416,7 @@ class Capture(Result):
             title=f"{cfg.arm.name} after the grasp",
             verdict=f"{self.energy_lost:.6g} J lost, the spacecraft turns at {turn:.3g}°/s",
             notes=["inertial axes; a plastic impact"],
-            tables=[Table.facts(facts)],
+            tables=[results.Table.facts(facts)],
             not_checked=self.not_checked,
         )
 
@@ -501,8 +491,6 @@ def capture(
         >>> sa.capture(cfg, [0.02, 0, 0, 0, 0, 0.03], mass=5.0)
         Capture(planar2 after the grasp: 0.000164513 J lost, the spacecraft turns at 0.0114°/s)
     """
-    if joints not in get_args(JointState):
-        raise ConfigurationError(unknown("joints", joints, get_args(JointState)))
     still_wheels(cfg, "how their motors bear an impact is not known; take them as joints")
     rates = np.zeros(cfg.arm.n) if dq is None else dq
     mass = positive(mass, "mass", "mass [kg]")

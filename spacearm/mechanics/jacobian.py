@@ -58,10 +58,7 @@ class MomentumMatrix(Result):
         ]
         return Description(
             title=f"{self.arm.name}, momentum of unit velocities",
-            notes=[
-                "[kg m/s] and [kg m²/s] about the system CM, of 1 m/s, 1 rad/s and unit joint "
-                "rates; inertial axes"
-            ],
+            notes=["kg m/s, kg m²/s about the system CM, of unit rates in SI units; inertial axes"],
             tables=[Table(columns, rows)],
         )
 
@@ -210,13 +207,12 @@ class PrescribedMotion(Result):
 
     def describe(self) -> Description:
         """Describe the tip's twist by the drift and unit rates of each free joint."""
-        names = ["velocity", "angular velocity"]
-        units = ["m/s", "rad/s"]
+        parts = {"velocity": "m/s", "angular velocity": "rad/s"}
         tips = self.arm.tips if len(self.arm.tips) > 1 else ("tip",)
         rows: list[list[Cell]] = [
             [f"{tip}, {name}", *(Measure(column, unit) for column in part)]
-            for tip, parts in zip(tips, self._parts(), strict=True)
-            for name, unit, part in zip(names, units, parts, strict=True)
+            for tip, own in zip(tips, self._parts(), strict=True)
+            for (name, unit), part in zip(parts.items(), own, strict=True)
         ]
         columns = ("", "drift", *(f"unit rate of {name}" for name in self.joints))
         return Description(

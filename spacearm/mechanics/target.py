@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,7 +18,6 @@ from spacearm.description.bodies import Inertial
 from spacearm.description.bus import Bus
 from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
-from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, listed, unknown
 from spacearm.mechanics.free_rotation import FreeRotation
@@ -105,10 +103,6 @@ class Target(Described):
         orbit: float = 0.0,
         name: str = "",
     ) -> None:
-        if not isinstance(body, (Bus, Tree, str, os.PathLike, *PINOCCHIO_MODELS)):
-            raise ConfigurationError(f"body is {body!r}; give a sa.Bus or the path of a robot file")
-        if not isinstance(grapples, Mapping):
-            raise ConfigurationError(f"grapples is {grapples!r}; give {{name: pose}}")
         rate = float(finite(orbit, (), "orbit", "for the orbital rate [rad/s]"))
         if not 0.0 <= rate <= FASTEST_ORBIT:
             raise ConfigurationError(
@@ -124,13 +118,11 @@ class Target(Described):
         }
         own = {name: sound_pose(frame, f"grapple {name!r}") for name, frame in grapples.items()}
         self.__dict__.update(
-            {
-                "pose": sound_pose(pose, "pose"),
-                "twist": read_only(finite(twist, (6,), "twist", "[linear [m/s]; angular [rad/s]]")),
-                "grapples": MappingProxyType(marks | own),
-                "orbit": rate,
-                "name": name or tree.name,
-            }
+            pose=sound_pose(pose, "pose"),
+            twist=read_only(finite(twist, (6,), "twist", "[linear [m/s]; angular [rad/s]]")),
+            grapples=MappingProxyType(marks | own),
+            orbit=rate,
+            name=name or tree.name,
         )
 
     @cached_property
@@ -264,14 +256,10 @@ class Target(Described):
         if self.orbit:
             facts["orbital rate"] = Measure(self.orbit, "rad/s")
         frames = [
-            (
-                name,
-                Measure(pose.translation, "m"),
-                Measure(pin.rpy.matrixToRpy(pose.rotation), "rad"),
-            )
+            (name, pose.translation, pin.rpy.matrixToRpy(pose.rotation))
             for name, pose in self.grapples.items()
         ]
-        columns = (Column("grapple frame"), Column("place"), Column("roll, pitch, yaw"))
+        columns = ("grapple frame", Column("place", "m"), Column("roll, pitch, yaw", "rad"))
         return Description(
             title=f"{self.name}, {self.mass:.5g} kg",
             verdict=f"it turns at {np.degrees(w):.3g}°/s" if w else "it does not turn",
@@ -281,16 +269,8 @@ class Target(Described):
 
     def to_dict(self) -> dict[str, Any]:
         """Return its values at time 0 as plain JSON data."""
-        return {
-            "name": self.name,
-            "mass": self.mass,
-            "com": plain(self.com),
-            "inertia": plain(self.inertia),
-            "pose": plain(self.pose),
-            "twist": plain(self.twist),
-            "grapples": plain(self.grapples),
-            "orbit": self.orbit,
-        }
+        names = ("name", "mass", "com", "inertia", "pose", "twist", "grapples", "orbit")
+        return {name: plain(getattr(self, name)) for name in names}
 
 
 def drift(place: Array, v: Array, t: float, orbit: float) -> tuple[Array, Array]:

@@ -284,9 +284,8 @@ class SpaceArm(JointSpace, Described):
         for link, length in (link_length or {}).items():
             tree = tree.with_length(link, length, self.tips)
         tree = tree.locked({} if locked is None else locked).with_wheels(wheels)
-        tips = (
-            Tips(self.tips, self.tip_reason) if tip is None else choose_tips(tree, self.path, tip)
-        )
+        kept = Tips(self.tips, self.tip_reason)
+        tips = kept if tip is None else choose_tips(tree, self.path, tip)
         if payload:
             rigid = Inertial.of(payload, np.zeros((3, 3)), body="the payload", prefix="payload_")
             tree = holding(tree, only_tip(tips.links, self.name), rigid)
@@ -379,13 +378,8 @@ class SpaceArm(JointSpace, Described):
             "task": plain(self.task),
             "cm_at_zero": plain(self.at(np.zeros(self.n)).com),
             "bodies": [
-                {
-                    "link": link,
-                    "mass": body.mass,
-                    "cm": plain(body.lever),
-                    "inertia": plain(body.inertia),
-                }
-                for link, body in self.bodies.items()
+                {"link": link, "mass": x.mass, "cm": plain(x.lever), "inertia": plain(x.inertia)}
+                for link, x in self.bodies.items()
             ],
             "joint_data": [plain(joint) for joint in self.tree.depth_first() if joint.movable],
             "held": dict(self.held),
@@ -421,17 +415,10 @@ class SpaceArm(JointSpace, Described):
         if self.held:
             held = [self.whole.joints[name] for name in self.held]
             at = joint_measures(self.held.values(), [joint.kind == "prismatic" for joint in held])
-            rows = [
-                (joint.name, joint.kind, joint.child, q) for joint, q in zip(held, at, strict=True)
-            ]
-            tables.append(
-                Table(
-                    ("joint", "type", "moves", "at"),
-                    rows,
-                    'Held joints (to make them count: joints="all", or their names; '
-                    "to make them reaction wheels: wheels=[...])",
-                )
-            )
+            rows = [(j.name, j.kind, j.child, q) for j, q in zip(held, at, strict=True)]
+            title = ('Held joints (to make them count: joints="all", or their names; to make them '
+                     "reaction wheels: wheels=[...])")  # fmt: skip
+            tables.append(Table(("joint", "type", "moves", "at"), rows, title))
         return Description(
             title=self.name,
             verdict=f"{self.n} joints, {self.mass:.6g} kg",
@@ -637,23 +624,21 @@ def kinematics(arm: SpaceArm, q: Array, base: pin.SE3, com: Array | None = None)
 
 
 def _joint_table(joints: Sequence[Joint]) -> Table:
-    """Return the joints with their limits."""
+    """Return the table of joints that can move."""
     slides = [joint.kind == "prismatic" for joint in joints]
-    values = {
-        name: [getattr(joint, name) for joint in joints] for name in ("lower", "upper", "velocity")
+
+    def column(name: str, per: str = "") -> list[Cell]:
+        return joint_measures([getattr(joint, name) for joint in joints], slides, per)
+
+    efforts = ["none" if j.effort == np.inf else Measure(j.effort, j.effort_unit) for j in joints]
+    columns: dict[str, Sequence[Cell]] = {
+        "joint": [joint.name for joint in joints],
+        "lower": column("lower"),
+        "upper": column("upper"),
+        "rate": column("velocity", "/s"),
+        "effort": efforts,
+        "type": [joint.kind for joint in joints],
+        "moves": [joint.child for joint in joints],
+        "follows": [joint.mimic.leader if joint.mimic else "" for joint in joints],
     }
-    return Table.by_columns(
-        {
-            "joint": [joint.name for joint in joints],
-            "lower": joint_measures(values["lower"], slides),
-            "upper": joint_measures(values["upper"], slides),
-            "rate": joint_measures(values["velocity"], slides, per="/s"),
-            "effort": [
-                "none" if np.isinf(j.effort) else Measure(j.effort, j.effort_unit) for j in joints
-            ],
-            "type": [joint.kind for joint in joints],
-            "moves": [joint.child for joint in joints],
-            "follows": [joint.mimic.leader if joint.mimic else "" for joint in joints],
-        },
-        "Joints",
-    )
+    return Table.by_columns(columns, "Joints")

@@ -9,17 +9,10 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from spacearm import errors
 from spacearm.arrays import LARGEST, Array, numbers_of, read_only
 from spacearm.description.tree import Tree
-from spacearm.errors import (
-    LONGEST_NAME,
-    ConfigurationError,
-    call_site,
-    listed,
-    shortened,
-    unknown,
-    warn,
-)
+from spacearm.errors import ConfigurationError
 from spacearm.model.task import Task
 from spacearm.signatures import checked
 
@@ -48,7 +41,7 @@ class JointSpace:
     @property
     def label(self) -> str:
         """The robot's name, its middle left out where it is too long to read."""
-        return shortened(self.name, LONGEST_NAME)
+        return errors.shortened(self.name, errors.LONGEST_NAME)
 
     @property
     def n(self) -> int:
@@ -119,7 +112,7 @@ def joint_vector(arm: JointSpace, values: npt.ArrayLike, what: str) -> Array:
     if vector.shape != (arm.n,):
         raise ConfigurationError(
             f"{what} has shape {vector.shape}; {arm.name} needs ({arm.n},), one number for each "
-            f"of: {listed(arm.joint_names)}"
+            f"of: {errors.listed(arm.joint_names)}"
         )
     sound = np.abs(vector) <= LARGEST
     if not sound.all():
@@ -141,7 +134,7 @@ def joint_name(arm: JointSpace, text: str) -> str:
     if text in arm.joint_names:
         return text
     if text not in numbers:
-        raise ConfigurationError(unknown("joint", text, [*arm.joint_names, *numbers]))
+        raise ConfigurationError(errors.unknown("joint", text, [*arm.joint_names, *numbers]))
     return numbers[text]
 
 
@@ -168,7 +161,7 @@ def warn_outside(arm: JointSpace, q: Array, what: str = "q") -> None:
     names = outside_limits(arm, q)
     angles = np.abs(np.where(arm.slides, 0.0, q))
     turned, whole = bool((angles > TURN).any()), bool((angles == np.round(angles)).all())
-    if not (names or (turned and whole)) or (site := call_site()) in _warned:
+    if not (names or (turned and whole)) or (site := errors.call_site()) in _warned:
         return
     _warned.add(site)
     hint = "; angles are in radians: np.radians(...) turns degrees into them" if turned else ""
@@ -176,14 +169,13 @@ def warn_outside(arm: JointSpace, q: Array, what: str = "q") -> None:
         one = arm.joint_names.index(names[0])
         unit = "m" if arm.slides[one] else "rad"
         limits = f"{arm.lower[one]:.4g} to {arm.upper[one]:.4g} {unit}"
-        rest = f"; so is {listed(names[1:])}" if len(names) > 1 else ""
+        rest = f"; so is {errors.listed(names[1:])}" if len(names) > 1 else ""
         problem = f"joint {names[0]!r} at {q[one]:.6g} {unit} is outside its limits, {limits}{rest}"
     else:
         one = int(np.argmax(angles))
-        problem = (
-            f"joint {arm.joint_names[one]!r} at {q[one]:.6g} rad has {angles[one] / TURN:.3g} turns"
-        )
-    warn(f"{what} of {arm.name}: {problem}{hint}")
+        at = f"joint {arm.joint_names[one]!r} at {q[one]:.6g} rad"
+        problem = f"{at} has {angles[one] / TURN:.3g} turns"
+    errors.warn(f"{what} of {arm.name}: {problem}{hint}")
 
 
 @lru_cache(maxsize=64)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,11 +12,9 @@ from spacearm.description.bus import Bus
 from spacearm.description.model_catalogue import assembled, bolted, find_model
 from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
-from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS
 from spacearm.description.readers.source import Check, Folders, Reading
 from spacearm.description.tips import Counting
 from spacearm.description.tree import Tree, Wheels
-from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.model.task import Task
@@ -169,13 +166,7 @@ def mount(
 
 def _tree(bus: Bus | SpaceArm | RobotSource, reading: Reading) -> Tree:
     """Return the tree of what an arm is bolted to."""
-    if isinstance(bus, Bus):
-        return bus.tree()
-    if isinstance(bus, SpaceArm):
-        return bus.whole
-    if not isinstance(bus, (str, os.PathLike, *PINOCCHIO_MODELS)):
-        raise ConfigurationError(
-            f"bus is {bus!r}; give a Bus, a SpaceArm, a name or the path of a robot file"
-        )
+    if isinstance(bus, Bus | SpaceArm):
+        return bus.tree() if isinstance(bus, Bus) else bus.whole
     info = find_model(bus)
     return assembled(info) if info else formats.read(bus, reading)

@@ -51,12 +51,8 @@ class Task:
     tips: int = 1
 
     def __post_init__(self) -> None:
-        if not isinstance(self.names, str):
-            raise ConfigurationError(f"task is {self.names!r}; name its rows in one string")
         if self.length is not None and not (math.isfinite(self.length) and self.length > 0):
-            raise ConfigurationError(
-                f"task length is {self.length}; give a positive length in metres"
-            )
+            raise ConfigurationError(f"task length is {self.length}; give a positive length [m]")
         if self.length is not None and not self.mixed:
             raise ConfigurationError(
                 f"task {self.names!r} has rows of one kind only: a length of {self.length} m "
@@ -107,8 +103,9 @@ class Task:
     @cached_property
     def singled_out(self) -> frozenset[int]:
         """The axes (0, 1, 2) that the linear or the angular rows lie along or are normal to."""
-        axes = (self._singled_out(kind) for kind in (0, 3))
-        return frozenset(axis for axis in axes if axis is not None)
+        rows = ({i % 3 for i in self.indices if i % 6 // 3 == kind} for kind in (0, 1))
+        alone = (row if len(row) == 1 else {0, 1, 2} - row for row in rows)
+        return frozenset(axis for axes in alone if len(axes) == 1 for axis in axes)
 
     def axes(self, R: Array) -> Array:
         """Compute the task axes at the spacecraft attitude R.
@@ -141,13 +138,6 @@ class Task:
         rest = 1.0 + cosine if cosine > 0.0 else sine @ sine / (1.0 - cosine)
         tilt = np.eye(3) + K + K @ K / rest  # rest = 1 + cosine, without cancellation
         return tilt @ turned
-
-    def _singled_out(self, kind: int) -> int | None:
-        """Return the axis along or normal to the linear (kind 0) or angular (kind 3) rows."""
-        present = {index % 3 for index in self.indices if index % 6 // 3 == kind // 3}
-        if len(present) == 1:
-            return present.pop()
-        return ({0, 1, 2} - present).pop() if len(present) == 2 else None
 
     def jacobian(self, J: Array, R: Array) -> Array:
         """Return the task's rows of a Jacobian, along the task axes, scaled.

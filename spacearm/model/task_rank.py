@@ -110,9 +110,8 @@ class MovableRows:
         others = likely[:1] or self.tasks(task.rows, free)
         named = [f"task={' '.join(other)!r}" for other in others[:MOST_TOLD]]
         would = f"{' or '.join(named)} would do" if named else "no task of this tip would do"
-        return (
-            f"the task {task.names!r} is impossible at every posture: {' and '.join(why)}; {would}"
-        )
+        reason = f"{' and '.join(why)}; {would}"
+        return f"the task {task.names!r} is impossible at every posture: {reason}"
 
 
 def _scaled(matrix: Array) -> Array:

@@ -207,22 +207,21 @@ class Batch:
         self._laws = np.array([p.laws for p in prepared]).reshape(m, -1)
         self._plant = np.array([p.plant for p in prepared]).reshape(m, -1)
 
+    @property
+    def running(self) -> npt.NDArray[np.bool_]:
+        """Whether each run goes on."""
+        return self.status == integration.RUNNING
+
     def __len__(self) -> int:
         return len(self.t)
 
     def compute(
         self,
-        function: Callable[..., Any],
-        runs: Whole,
-        inputs: Mapping[str, Array],
-        numbers: Mapping[str, Array | float] | None = None,
-        rows: Array | None = None,
-        *,
-        out: Sequence[Array | None] = (),
-        lanes: int | None = None,
-        acts: bool = True,
+        function: Callable[..., Any], runs: Whole, inputs: Mapping[str, Array],
+        numbers: Mapping[str, Array | float] | None = None, rows: Array | None = None, *,
+        out: Sequence[Array | None] = (), lanes: int | None = None, acts: bool = True,
         **options: Any,
-    ) -> Any:
+    ) -> Any:  # fmt: skip
         """Compute a function for lanes of some runs; compiled when first needed.
 
         Args:
@@ -253,18 +252,13 @@ class Batch:
         each: dict[str, Array] = {}
         calls: dict[str, int] = {}
         if acts:
-            setup = (
-                self.setup
-                if function in (events_within, roots_within)
-                else self.setup._replace(events=())
-            )
+            watches = function in (events_within, roots_within)
+            setup = self.setup if watches else self.setup._replace(events=())
             bounds = len(self.setup.events) - len(setup.events)
             plant = self._plant[:, : self._plant.shape[1] - bounds]
             for name, values in (("laws", self._laws), ("plant", plant)):
-                if (values == values[0]).all():
-                    shared[name] = values[0]
-                else:
-                    each[name] = values
+                same = (values == values[0]).all()
+                (shared if same else each)[name] = values[0] if same else values
             calls, options = dict(setup.called(self.n)), {"setup": setup, **options}
         arms = self.arms[:1] if function is states_within else self.arms
         kernel = ArmKernel(
@@ -287,14 +281,12 @@ class Batch:
         self.status[(self.status == integration.FINISHED) & (self.t < end)] = integration.RUNNING
         while True:
             for implicit in (False, True):
-                runs = np.flatnonzero(
-                    (self.status == integration.RUNNING) & (self.implicit == implicit)
-                )
+                runs = np.flatnonzero(self.running & (self.implicit == implicit))
                 if len(runs):
                     steps = self._advance(runs, end, implicit)
                     yield steps
                     self._check_pace(runs)
-            if self.outside.interrupted or not (self.status == integration.RUNNING).any():
+            if self.outside.interrupted or not self.running.any():
                 return
 
     def _advance(self, runs: Whole, end: float, implicit: bool) -> Steps:
@@ -375,8 +367,7 @@ class Batch:
         """Compute a function of events within steps i (L,)."""
         runs = steps.run[i]
         inputs = {"i": steps.row[i].astype(float), "y": self.y[runs], **given}
-        found: Array = self.compute(function, runs, inputs, rows=steps.rows)
-        return found
+        return self.compute(function, runs, inputs, rows=steps.rows)
 
     def stop(self, run: int, t: float, y: Array, steps: Steps | None) -> None:
         """End a run at an event in one of these steps, or at the start, where its state is y."""

@@ -21,14 +21,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Parameters, finite, positive
 from spacearm.compiler import numbers
-from spacearm.equations.laws import (
-    INSTANT,
-    damped_rates,
-    joint_pd,
-    reactionless_rates,
-    resolved_rates,
-    transposed,
-)
+from spacearm.equations import laws
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.jacobian import generalized_jacobian
@@ -95,8 +88,8 @@ class TipLaw(Law):
         """Return the velocity (k,) of the target in the task's rows [m/s], [rad/s]."""
         if not callable(self.target):
             return np.zeros(cfg.arm.task.k)
-        before, after = (goal_pose(cfg, self.goal(t + s)) for s in (-INSTANT, INSTANT))
-        return goal_rows(cfg, twist_between(before, after)) / (2.0 * INSTANT)
+        before, after = (goal_pose(cfg, self.goal(t + s)) for s in (-laws.INSTANT, laws.INSTANT))
+        return goal_rows(cfg, twist_between(before, after)) / (2.0 * laws.INSTANT)
 
     def jacobian(self, cfg: Configuration) -> Array:
         """Return the rows (k, n) of J* that the task names."""
@@ -120,8 +113,7 @@ class TransposedJacobian(TipLaw):
         """Return the torques (n,) [N m] or forces [N]."""
         J = self.jacobian(cfg)
         kp, kd = gains(self.kp, len(J), "kp"), gains(self.kd, len(J), "kd")
-        tau: Array = transposed(J, kp, kd, self.error(t, cfg), self.feed(t, cfg), dq)
-        return tau
+        return laws.transposed(J, kp, kd, self.error(t, cfg), self.feed(t, cfg), dq)
 
 
 @checked
@@ -181,7 +173,7 @@ class ResolvedRate(RateLaw):
             )
         away = None if self.rest is None else joint_vector(cfg.arm, self.rest, "rest") - cfg.q
         gain = np.asarray(self.gain).mean()
-        return _by_numbers(resolved_rates, J, self.wanted(t, cfg), 0.0, away, gain)
+        return _by_numbers(laws.resolved_rates, J, self.wanted(t, cfg), 0.0, away, gain)
 
 
 @checked
@@ -217,7 +209,8 @@ class DampedLeastSquares(RateLaw):
             J: (k, m) its rows along the task axes.
         """
         wanted = self._scaled(cfg, self.wanted(t, cfg))
-        return _by_numbers(damped_rates, self._scaled(cfg, J), wanted, self.damping, self.threshold)
+        J = self._scaled(cfg, J)
+        return _by_numbers(laws.damped_rates, J, wanted, self.damping, self.threshold)
 
     def _scaled(self, cfg: Configuration, rows: Array) -> Array:
         """Return the task's rows (k,) or (k, n), scaled."""
@@ -248,7 +241,7 @@ class Reactionless(DampedLeastSquares):
             )
         J, wanted = self.jacobian(cfg), self._scaled(cfg, self.wanted(t, cfg))
         return _by_numbers(
-            reactionless_rates, self._scaled(cfg, J), cfg.A[3:, 6:], rank, NO_INVERSE, wanted,
+            laws.reactionless_rates, self._scaled(cfg, J), cfg.A[3:, 6:], rank, NO_INVERSE, wanted,
             self.damping, self.threshold,
         )  # fmt: skip
 
@@ -271,8 +264,7 @@ class JointPD(Law):
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
         """Return the torques (n,) [N m] or forces [N]."""
         kp, kd = gains(self.kp, len(dq), "kp"), gains(self.kd, len(dq), "kd")
-        tau: Array = joint_pd(kp, kd, self.error(t, cfg), dq)
-        return tau
+        return laws.joint_pd(kp, kd, self.error(t, cfg), dq)
 
     def error(self, t: float, cfg: Configuration) -> Array:
         """Return q_des - q (n,) [rad] or [m]."""
@@ -290,8 +282,7 @@ LAWS: dict[str, Any] = {
 def _by_numbers(function: Callable[..., Any], *arguments: Any) -> Array:
     """Return what an equation gives for numbers."""
     with np.errstate(all="ignore"):
-        found: Array = function(numbers, *arguments)
-    return found
+        return function(numbers, *arguments)
 
 
 def rank_of_turns(arm: SpaceArm) -> int:
@@ -311,19 +302,6 @@ def gains(values: npt.ArrayLike, rows: int, name: str) -> Array:
     if np.iterable(values):
         return finite(values, (rows,), name, "(gains, one for each row), or one for all rows")
     return finite(values, (), name, f"(a gain), or {rows}, one for each row")
-
-
-def check_controller(controller: object) -> None:
-    """Refuse what cannot be called as a controller.
-
-    Raises:
-        ConfigurationError: It is text, a class or something else.
-    """
-    if isinstance(controller, type) or not callable(controller):
-        raise ConfigurationError(
-            f"controller is {controller!r}; give a law, such as sa.JointPD(target=q, kp=5, kd=15) "
-            "or sa.TransposedJacobian(target=point, kp=5, kd=15), or a function of (t, cfg, dq)"
-        )
 
 
 def check_target(controller: Controller, cfg: Configuration) -> None:

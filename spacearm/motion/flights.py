@@ -55,19 +55,8 @@ class Flight(Trajectory, kw_only=True):
         captures: Sequence[Capture],
     ) -> Flight:
         """Join the runs of all phases."""
-        names = (
-            "q",
-            "base",
-            "dq",
-            "ddq",
-            "torque",
-            "momentum",
-            "wheels",
-            "wheel_torque",
-            "energy",
-            *SUMS,
-        )
-        values: dict[str, Any] = {name: _joined(runs, name) for name in names}
+        names = ["q", "base", "dq", "ddq", "torque", "momentum", "wheels", "wheel_torque", "energy"]
+        values: dict[str, Any] = {name: _joined(runs, name) for name in (*names, *SUMS)}
         return cls(
             arm=runs[0].arm,
             t=np.concatenate([begin + _rows(runs, i, "t") for i, begin in enumerate(begins)]),
@@ -82,16 +71,6 @@ class Flight(Trajectory, kw_only=True):
             captures=tuple(captures),
             **values,
         )
-
-    @cached_property
-    def tip(self) -> Array:
-        """(m, 7) poses of the tip, as in `Motion`."""
-        return read_only(_joined(self.phases, "tip"))
-
-    @cached_property
-    def com(self) -> Array:
-        """(m, 3) positions of the system CM, with what is held [m]."""
-        return read_only(_joined(self.phases, "com"))
 
     @cached_property
     def sigma_min(self) -> Array:
@@ -149,16 +128,10 @@ class Flight(Trajectory, kw_only=True):
     def describe(self) -> Description:
         """Describe the phases, and what happened on the way."""
         arm, end = self.phases[0].arm, self.begins[-1] + self.phases[-1].t[-1]
+        spans = zip(self.begins, self.begins + [run.t[-1] for run in self.phases], strict=True)
         rows = [
-            (
-                i,
-                begin,
-                begin + run.t[-1],
-                run.ended,
-                run.imbalance,
-                *(tip.translation for tip in run[-1].tips),
-            )
-            for i, (run, begin) in enumerate(zip(self.phases, self.begins, strict=True))
+            (i, *span, run.ended, run.imbalance, *(tip.translation for tip in run[-1].tips))
+            for i, (run, span) in enumerate(zip(self.phases, spans, strict=True))
         ]
         names = ("tip",) if len(arm.tips) == 1 else arm.tips
         columns: list[Column | str] = [
@@ -193,12 +166,12 @@ def _joined(runs: Sequence[Trajectory], name: str) -> Array:
 def _wrenches(runs: Sequence[Trajectory]) -> dict[str, Array]:
     """Return the wrenches on each link that is pushed in any phase."""
     links = dict.fromkeys(link for run in runs for link in run.wrenches)
-
-    def on(link: str, i: int, run: Trajectory) -> Array:
-        return run.wrenches.get(link, np.zeros((len(run), 6)))[min(i, 1) :]
-
+    none = [np.zeros((len(run), 6)) for run in runs]
     return {
-        link: np.concatenate([on(link, i, run) for i, run in enumerate(runs)]) for link in links
+        link: np.concatenate(
+            [run.wrenches.get(link, none[i])[min(i, 1) :] for i, run in enumerate(runs)]
+        )
+        for link in links
     }
 
 
@@ -358,5 +331,4 @@ def _kept(run: Trajectory, arm: SpaceArm) -> Array:
     """Return the momentum (6,) that an arm keeps which releases what it held at the end."""
     cfg = run[-1]
     v = generalized_velocity(cfg, run.dq[-1])
-    kept: Array = arm.at(cfg.q, base=cfg.base).A @ v + cfg.stored
-    return kept
+    return arm.at(cfg.q, base=cfg.base).A @ v + cfg.stored

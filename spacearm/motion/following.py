@@ -27,27 +27,13 @@ from spacearm.mechanics.dynamics import spacecraft_twist
 from spacearm.mechanics.jacobian import generalized_jacobian, singular_values
 from spacearm.model.arguments import BaseMode, require_possible
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
-from spacearm.motion.events import (
-    CLOSE,
-    LOOK,
-    ROUNDING,
-    Event,
-    clear_of_singularities,
-    first_fall,
-    is_exact,
-)
-from spacearm.motion.goal import (
-    Goal,
-    Origin,
-    goal_axes,
-    goal_pose,
-    goal_rows,
-    started,
-    twist_between,
-)
+from spacearm.motion import events
+from spacearm.motion import goal as goals
+from spacearm.motion.events import Event
+from spacearm.motion.goal import Goal, Origin, goal_pose
 from spacearm.motion.motion import Motion, RateJump, samples
 from spacearm.motion.motion_file import Quantity
-from spacearm.results import Description
+from spacearm.results import Description, Tone
 from spacearm.signatures import checked
 from spacearm.singularities.nearest import nearest_locally
 from spacearm.singularities.report import NO_INVERSE
@@ -143,8 +129,8 @@ def _line(cfg: Configuration, start: pin.SE3, end: pin.SE3) -> list[Segment]:
     Turns count by the task's length [m/rad], 1 m/rad where it has none.
     """
     task = cfg.arm.task
-    whole = twist_between(start, end)
-    rows = goal_rows(cfg, whole)
+    whole = goals.twist_between(start, end)
+    rows = goals.goal_rows(cfg, whole)
     linear = np.array(task.indices) < 3
     length = float(np.linalg.norm(np.where(linear, rows, rows * (task.length or 1.0))))
     if length < 1e-12:
@@ -166,7 +152,7 @@ def _curve(cfg: Configuration, path: Callable[[float], Goal], length: float) -> 
 
     def twist(s: float) -> Array:
         low, high = max(s - DIFFERENCE, 0.0), min(s + DIFFERENCE, length)
-        return twist_between(pose(low), pose(high)) / (high - low)
+        return goals.twist_between(pose(low), pose(high)) / (high - low)
 
     return Segment(length, pose, twist, False)
 
@@ -189,7 +175,9 @@ def timed_curve(cfg: Configuration, path: Path, times: npt.ArrayLike, at_rest: b
         raise ConfigurationError(f"times are {times!r}; give increasing times from 0 s on")
     if t[0] > 0.0:
         t, corners = np.append(0.0, t), [cfg.tip, *corners]
-    elif (off := float(np.abs(goal_rows(cfg, twist_between(cfg.tip, corners[0]))).max())) > BEGIN:
+    elif (
+        off := float(np.abs(goals.goal_rows(cfg, goals.twist_between(cfg.tip, corners[0]))).max())
+    ) > BEGIN:
         raise ConfigurationError(
             f"path begins at 0 s {off:.3g} m or rad from where the tip is; start there "
             "(sa.plan leads there), or give the corners later times"
@@ -215,7 +203,7 @@ def lengths_at(cfg: Configuration, curve: Segment) -> tuple[Array, Array]:
     """Return times (m,) [s] and the length (m,) of a path in time behind the tip at each."""
     task, t = cfg.arm.task, np.linspace(0.0, curve.length, KNOTS + 1)
     units = np.where(np.array(task.indices) < 3, 1.0, task.length or 1.0)
-    v = np.array([np.linalg.norm(units * goal_rows(cfg, curve.twist(x))) for x in t])
+    v = np.array([np.linalg.norm(units * goals.goal_rows(cfg, curve.twist(x))) for x in t])
     return t, np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)))
 
 
@@ -259,7 +247,7 @@ class TipCurve:
 
     def jacobian(self, cfg: Configuration) -> Array:
         """Return the rows (k, n) of J* that the task names."""
-        return goal_rows(cfg, generalized_jacobian(cfg, mode=self.mode))
+        return goals.goal_rows(cfg, generalized_jacobian(cfg, mode=self.mode))
 
     def tangent(self, cfg: Configuration, s: float) -> Array:
         """Return the unit vector (dq, ds) along the curve.
@@ -268,8 +256,8 @@ class TipCurve:
         so that the curve goes on beyond a singularity, back along the path.
         """
         J = self.jacobian(cfg)
-        back = RETURN * twist_between(cfg.tip, self.segment.pose(s))
-        x = goal_rows(cfg, self.segment.twist(s) + back)
+        back = RETURN * goals.twist_between(cfg.tip, self.segment.pose(s))
+        x = goals.goal_rows(cfg, self.segment.twist(s) + back)
         if not self.square:
             along = np.append(np.linalg.pinv(J) @ x, 1.0)
             return along / np.linalg.norm(along)
@@ -310,8 +298,8 @@ class TipCurve:
         if self.square:
             clear = self.sense * np.linalg.det(self.jacobian(cfg))
         else:
-            clear = clear_of_singularities(cfg, self.mode, goal_axes(cfg))
-        inside = np.minimum(arm.upper - q, q - arm.lower).min() + ROUNDING
+            clear = events.clear_of_singularities(cfg, self.mode, goals.goal_axes(cfg))
+        inside = np.minimum(arm.upper - q, q - arm.lower).min() + events.ROUNDING
         return np.array([clear, self.segment.length - y[-1], inside if self.limits else 1.0])
 
     def integrate(self, progress: Callable[[float, float], object] | None) -> tuple[Array, Event]:
@@ -337,10 +325,10 @@ class TipCurve:
                 return self.rooms(piece(t))
 
             moved = np.abs((solver.y - piece(begin))[: self.arm.n]).max()
-            looks = np.linspace(begin, solver.t, 2 + int(moved / LOOK))
+            looks = np.linspace(begin, solver.t, 2 + int(moved / events.LOOK))
             for a, b in pairwise(looks.tolist()):
                 after = along(b)
-                if fall := first_fall(along, before, after, a, b):
+                if fall := events.first_fall(along, before, after, a, b):
                     break
                 before = after
             end = fall[0] if fall else solver.t
@@ -355,8 +343,8 @@ class TipCurve:
         if kind == "joint limit":
             detail = arm.joint_names[int(np.minimum(arm.upper - q, q - arm.lower).argmin())]
         elif kind == "singularity" and not self.square:
-            detail = f", {CLOSE}"
-            found = nearest_locally(arm, self.mode, q) if is_exact(arm) else None
+            detail = f", {events.CLOSE}"
+            found = nearest_locally(arm, self.mode, q) if events.is_exact(arm) else None
             nearest = None if found is None else found[0]
         return Event(t, kind, q, detail, nearest)
 
@@ -407,7 +395,8 @@ class Followed(Motion, kw_only=True):
 
         These are the task axes, or inertial ones where the task axes turn on the way.
         """
-        return self._each(lambda cfg: singular_values(cfg, mode=self.mode, axes=goal_axes(cfg))[-1])
+        axes = goals.goal_axes
+        return self._each(lambda cfg: singular_values(cfg, mode=self.mode, axes=axes(cfg))[-1])
 
     @property
     def story(self) -> str:
@@ -426,9 +415,8 @@ class Followed(Motion, kw_only=True):
 
     def describe(self) -> Description:
         """Describe the motion and why it ended."""
-        return replace(
-            super().describe(), verdict=self.reason, tone="good" if self.arrived else "caution"
-        )
+        tone: Tone = "good" if self.arrived else "caution"
+        return replace(super().describe(), verdict=self.reason, tone=tone)
 
 
 @checked
@@ -480,7 +468,7 @@ def follow(
         >>> sa.follow(sa.load("planar2").at([0.3, 1.2]), [(1.5, 1.2)]).reason
         'arrived at (1.5, 1.2, 0) m after 0.0966 m'
     """
-    arm, cfg = start.arm, started(start, origin)
+    arm, cfg = start.arm, goals.started(start, origin)
     if times is not None and (speed is not None or length is not None):
         raise ConfigurationError("times say how fast the tip moves; leave out speed and length")
     speed = positive(0.1 if speed is None else speed, "speed", "speed [m/s]")
@@ -549,7 +537,7 @@ def check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
     """
     arm = cfg.arm
     require_possible(arm, mode)
-    sigma = singular_values(cfg, mode=mode, axes=goal_axes(cfg))
+    sigma = singular_values(cfg, mode=mode, axes=goals.goal_axes(cfg))
     if sigma[-1] <= NO_INVERSE * sigma[0]:
         near = f"the start is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e})"
         raise ConfigurationError(f"{near}; start elsewhere: sa.singularity(cfg).away leads away")
@@ -573,6 +561,4 @@ def how_it_ended(arm: SpaceArm, tip: Array, s: float, length: float, end: Event)
         return f"joint {end.detail!r} reaches its limit {where}"
     q = arm.in_words(end.q)
     set_at = "" if end.nearest is None else f" at q = {arm.in_words(end.nearest)}"
-    return (
-        f"singular {where}, q = {q}{end.detail}{set_at}: J* cannot lead the tip on along the path"
-    )
+    return f"singular {where}, q = {q}{end.detail}{set_at}: J* cannot lead the tip on along it"

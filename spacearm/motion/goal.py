@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, finite, shape_of
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.barycentric_formulation import barycentric
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
@@ -35,11 +35,8 @@ def started(cfg: Configuration, origin: Origin) -> Configuration:
             a `Workspace`; `base` then gives the attitude.
 
     Raises:
-        ConfigurationError: The origin is none of the two, or it is "cm" and the base has a
-            position.
+        ConfigurationError: The origin is "cm" and the base has a position.
     """
-    if origin not in get_args(Origin):
-        raise ConfigurationError(unknown("origin", origin, get_args(Origin)))
     if origin == "spacecraft":
         return cfg
     if cfg.base.translation.any():

@@ -235,18 +235,15 @@ def table_of(paths: Sequence[Sequence[Segment]], knots: int = KNOTS) -> PathTabl
         for piece in path:
             count = 1 if piece.straight else knots
             grid = np.linspace(0.0, piece.length, count + 1)
-            poses, rates = [piece.pose(x) for x in grid], [piece.twist(x) for x in grid]
             pieces.append((s, s + piece.length, len(intervals), count))
-            for i in range(count):
-                intervals.append(
-                    _interval(poses[i], poses[i + 1], rates[i], rates[i + 1], piece.length / count)
-                )
+            ends = pairwise((piece.pose(x), piece.twist(x)) for x in grid)
+            intervals += [_interval(*a, *b, piece.length / count) for a, b in ends]
             s += piece.length
         first.append(len(pieces))
     return PathTable(np.array(first), np.array(pieces), np.array(intervals))
 
 
-def _interval(a: pin.SE3, b: pin.SE3, da: Array, db: Array, ds: float) -> Array:
+def _interval(a: pin.SE3, da: Array, b: pin.SE3, db: Array, ds: float) -> Array:
     """Return the row (30,) of an interval."""
     turn = pin.log3(b.rotation @ a.rotation.T)
     at_end = np.linalg.solve(pin.Jexp3(-turn), ds * db[3:])
@@ -284,9 +281,9 @@ def straight_line(start: Configuration, goal: Goal, limits: bool) -> Line:
     Raises:
         NoSolutionError: The integrator gives up.
     """
-    arm, to_cm = start.arm, -start.com
-    (whole,) = segments(start, [goal], None)
-    table = table_of([[_shifted(whole, to_cm)]])
+    arm, (whole,) = start.arm, segments(start, [goal], None)
+    table = table_of([[whole]])
+    table.intervals[:, :6] -= np.tile(start.com, 2)
     attitude = pin.SE3ToXYZQUAT(start.base)[3:]
     led, reached = lead_with_stops(arm, start.q, attitude, table, POINTS, Settings(limits=limits))
     kind, s, there = ENDS[led.ended[0]], float(led.s[0]), led.q[0]
@@ -301,13 +298,3 @@ def straight_line(start: Configuration, goal: Goal, limits: bool) -> Line:
         rows[-1] = np.clip(before + share * change, arm.lower, arm.upper)
         detail = arm.joint_names[j]
     return Line(rows, Event(s, kind, rows[-1], detail), whole.length, whole.pose(s).translation)
-
-
-def _shifted(whole: Segment, shift: Array) -> Segment:
-    """Return a segment shifted."""
-
-    def pose(s: float) -> pin.SE3:
-        at = whole.pose(s)
-        return pin.SE3(at.rotation, at.translation + shift)
-
-    return whole._replace(pose=pose)

@@ -127,10 +127,8 @@ class Motion(Result):
 
     def __post_init__(self) -> None:
         m, n = max((*shape_of(self.t), 1)[0], 1), self.arm.n
-        shapes = {"t": (m,), "q": (m, n), "base": (m, 7)}
-        for name, shape in shapes.items():
-            array = finite(getattr(self, name), shape, f"motion: {name}")
-            object.__setattr__(self, name, array)
+        for name, shape in (("t", (m,)), ("q", (m, n)), ("base", (m, 7))):
+            object.__setattr__(self, name, finite(getattr(self, name), shape, f"motion: {name}"))
         super().__post_init__()
         free_components(self.mode)
         if not unit_quaternions(self.base):
@@ -209,16 +207,12 @@ class Motion(Result):
     @cached_property
     def dq(self) -> Array:
         """(m, n) joint rates [rad/s] or [m/s], by differences of second order."""
-        if len(self) == 1:
-            return read_only(np.zeros_like(self.q))
-        return read_only(np.gradient(self.q, self.t, axis=0, edge_order=2 if len(self) > 2 else 1))
+        return self._rate(self.q)
 
     @cached_property
     def ddq(self) -> Array:
         """(m, n) joint accelerations [rad/s^2] or [m/s^2], by differences of the rates."""
-        if len(self) == 1:
-            return read_only(np.zeros_like(self.q))
-        return read_only(np.gradient(self.dq, self.t, axis=0, edge_order=2 if len(self) > 2 else 1))
+        return self._rate(self.dq)
 
     @cached_property
     def tip(self) -> Array:
@@ -233,7 +227,7 @@ class Motion(Result):
     @cached_property
     def sigma_min(self) -> Array:
         """(m,) least singular value of the task Jacobian, as in `sa.singularity`."""
-        if self._compiled:
+        if self.mode == "free-floating" and len(self.arm.tips) == 1:
             return read_only(evaluate(self.arm, self.q, ("sigma_min",))["sigma_min"])
         return self._each(lambda cfg: singular_values(cfg, mode=self.mode)[-1])
 
@@ -421,10 +415,11 @@ class Motion(Result):
         kept = {name: q for name, q in cls.QUANTITIES.items() if name not in left_out}
         return Layout.of(cls, kept, len(arm.wheels))
 
-    @property
-    def _compiled(self) -> bool:
-        """Whether there are kernels for the measures of its configurations."""
-        return self.mode == "free-floating" and len(self.arm.tips) == 1
+    def _rate(self, values: Array) -> Array:
+        """Return the derivative by time of values over the joints; zero of a single sample."""
+        if len(self) == 1:
+            return read_only(np.zeros_like(self.q))
+        return read_only(np.gradient(values, self.t, axis=0, edge_order=2 if len(self) > 2 else 1))
 
     def _each(self, value: Callable[[Configuration], npt.ArrayLike]) -> Array:
         """Return the values of a function of the configuration at all samples."""

@@ -80,9 +80,7 @@ class Layout(NamedTuple):
             for f in fields(kind)
             if f.name not in ("arm", "mode", *quantities) and f.metadata.get("in_file", True)
         ]
-        lists = {
-            name: get_args(types[name])[0] for name in names if get_origin(types[name]) is tuple
-        }
+        lists = {n: get_args(types[n])[0] for n in names if get_origin(types[n]) is tuple}
         by_link = tuple(name for name in names if get_origin(types[name]) is Mapping)
         details = {name: types[name] for name in names if name not in (*lists, *by_link)}
         return cls(kind.__name__, quantities, details, lists, by_link, wheels)

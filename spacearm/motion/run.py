@@ -161,8 +161,7 @@ class Crossings:
             runs: (L,) numbers of the runs.
             q: (L, n) joint positions.
         """
-        found: Array = np.minimum(self.nearest(runs, q)[0], MOST) - NEAR
-        return found
+        return np.minimum(self.nearest(runs, q)[0], MOST) - NEAR
 
     def nearest(self, runs: Whole, q: Array) -> tuple[Array, Array]:
         """Compute the distance (L,) to the singular set, and where it is nearest.
@@ -519,7 +518,7 @@ class Runs:
             torque=torque.copy(),
             momentum=kept.copy(),
             impulse=impulse,
-            wrenches=system.acting(t, q, base) if system.pushed else {},
+            wrenches=system.acting(t, q, base) if system.plant.pushed else {},
             wheels=Y[:, at.wheels].copy(),
             wheel_torque=spin.copy(),
             energy=energy[:, 0].copy(),

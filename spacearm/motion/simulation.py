@@ -168,15 +168,9 @@ PIECE = 256
 KINDS = 8
 """So many functions of users are compiled; of more, all are called in Python."""
 UNITS = {
-    "time_to_target": "s",
-    "first_singularity": "s",
-    "sigma_min": "as in sa.singularity",
-    "turn": "rad",
-    "distance": "rad",
-    "t": "s",
-    "imbalance": "1",
-    "base": "m, quaternion xyzw",
-}
+    "time_to_target": "s", "first_singularity": "s", "sigma_min": "as in sa.singularity",
+    "turn": "rad", "distance": "rad", "t": "s", "imbalance": "1", "base": "m, quaternion xyzw",
+}  # fmt: skip
 """Units of what is kept of each run."""
 
 
@@ -250,17 +244,16 @@ def simulate_many(
     arm, duration = _arm_of(listed), positive(duration, "duration", "time [s]")
     if integration.dt is not None:
         raise ConfigurationError("dt is given; simulate_many keeps no outputs, so leave it out")
-    sizes = [] if one else [len(listed)]
-    sizes += [shape_of(dq)[0]] if each else []
-    sizes += [len(laws)] if several else []
+    given = (not one, len(listed)), (each, (*shape_of(dq), 0)[0]), (several, len(laws))
+    sizes = [size for counts, size in given if counts]
     if len(set(sizes)) > 1 or 0 in sizes:
         raise ConfigurationError(
             f"starts, dq and controller are of {sizes} runs; give each once or as many "
             "times as the others"
         )
-    m, rates = max(sizes, default=1), np.zeros((max(sizes, default=1), arm.n))
-    if dq is not None:
-        rates[:] = finite(dq, (m, arm.n) if each else (arm.n,), "dq")
+    m = max(sizes, default=1)
+    shape = (m, arm.n) if each else (arm.n,)
+    rates = np.broadcast_to(np.zeros(shape) if dq is None else finite(dq, shape, "dq"), (m, arm.n))
     systems = [
         System(listed[i % len(listed)], mode, plant, _by_tip(arm, laws[i % len(laws)]), rates[i])
         for i in range(m)
@@ -305,22 +298,14 @@ def simulate_many(
             pool.shutdown(wait=False, cancel_futures=True)
     found["q0"] = np.array([system.start.q for system in systems])
     columns = {"q": ("joint",), "dq": ("joint",), "q0": ("joint",), "base": ("pose",)}
+    units = {name: {"units": unit} for name, unit in UNITS.items()}
     data = {
-        name: (
-            ("run", *columns.get(name, ())),
-            values,
-            {"units": UNITS[name]} if name in UNITS else {},
-        )
+        name: (("run", *columns.get(name, ())), values, units.get(name, {}))
         for name, values in found.items()
     }
-    attrs = {
-        "arm": arm.name,
-        "base_mode": mode,
-        "duration": duration,
-        "rtol": integration.rtol,
-        "atol": integration.atol,
-        "called": "; ".join(dict.fromkeys(note for one in ready for note in one.notes)),
-    }
+    attrs = {"arm": arm.name, "base_mode": mode, "duration": duration}
+    attrs |= {"rtol": integration.rtol, "atol": integration.atol}
+    attrs["called"] = "; ".join(dict.fromkeys(note for one in ready for note in one.notes))
     return xr.Dataset(data, {"joint": list(arm.joint_names)}, attrs)
 
 

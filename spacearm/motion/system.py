@@ -24,28 +24,12 @@ from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.frames import sound_pose
 from spacearm.model.joints import joint_name, joint_vector
 from spacearm.motion import controllers as law_types
-from spacearm.motion.controllers import Controller, JointPD, check_controller, gains
+from spacearm.motion import plant as plants
+from spacearm.motion import user_functions as users
+from spacearm.motion.controllers import Controller, JointPD, gains
 from spacearm.motion.events import CLOSE, EVENTS, has_determinant
 from spacearm.motion.goal import goal_normal
-from spacearm.motion.plant import (
-    Integration,
-    Motors,
-    PassiveJoint,
-    Plant,
-    WheelHold,
-    Wrench,
-    checked_wrench,
-    described,
-    wheel_torques,
-    wrench_at,
-)
-from spacearm.motion.user_functions import (
-    Example,
-    TracedConfiguration,
-    UserFunction,
-    copied,
-    not_traced,
-)
+from spacearm.motion.plant import Integration, PassiveJoint, Plant, WheelHold
 from spacearm.singularities.report import NO_INVERSE
 
 KINDS: dict[type, str] = {
@@ -88,9 +72,7 @@ class System:
             raise ConfigurationError(
                 f"momentum of the start is {h.tolist()}; a fixed spacecraft takes it up"
             )
-        for controller in self.controllers.values():
-            check_controller(controller)
-        for link, *_ in self.pushed:
+        for link, *_ in self.plant.pushed:
             if link not in arm.tree.links:
                 raise ConfigurationError(unknown("link", link, arm.tree.links))
         for name in self.passive:
@@ -104,7 +86,7 @@ class System:
         if not arm.wheels:
             raise UnsupportedError(f"{arm.name} has no wheels; name their joints by wheels=[...]")
         if self.motors is not None:
-            wheel_torques(self.motors(0.0), len(arm.wheels))
+            plants.wheel_torques(self.motors(0.0), len(arm.wheels))
 
     @property
     def arm(self) -> SpaceArm:
@@ -117,7 +99,7 @@ class System:
         return self.plant.wheels if isinstance(self.plant.wheels, WheelHold) else None
 
     @property
-    def motors(self) -> Motors | None:
+    def motors(self) -> plants.Motors | None:
         """The torques of the wheels over time, if they are given."""
         return None if isinstance(self.plant.wheels, WheelHold) else self.plant.wheels
 
@@ -125,12 +107,7 @@ class System:
     def passive(self) -> Mapping[str, PassiveJoint]:
         """Springs, damping and friction of joints, by name."""
         given = self.plant.passive
-        return described(self.arm) if isinstance(given, str) else given
-
-    @property
-    def pushed(self) -> list[tuple[str, Wrench, bool]]:
-        """As in `Plant`."""
-        return self.plant.pushed
+        return plants.described(self.arm) if isinstance(given, str) else given
 
     @cached_property
     def parts(self) -> Parts:
@@ -187,13 +164,13 @@ class System:
             (m, 6) [force [N]; torque [N m]] at the origin of the link's frame, by its name.
         """
         model, data = self.arm.model, pin.Data(self.arm.model)
-        found: dict[str, Array] = {link: np.zeros((len(t), 6)) for link, *_ in self.pushed}
+        found: dict[str, Array] = {link: np.zeros((len(t), 6)) for link, *_ in self.plant.pushed}
         for i, time in enumerate(t):
             if self.plant.thrusters:
                 pose = pin.XYZQUATToSE3(base[i])
                 pin.framesForwardKinematics(model, data, kinematics(self.arm, q[i], pose).full)
-            for link, wrench, own in self.pushed:
-                values = wrench_at(link, wrench, float(time))
+            for link, wrench, own in self.plant.pushed:
+                values = plants.wrench_at(link, wrench, float(time))
                 if own:
                     R = data.oMf[model.getFrameId(link, pin.BODY)].rotation
                     values = (values.reshape(2, 3) @ R.T).ravel()
@@ -261,7 +238,9 @@ class Preparation:
         self.outside: dict[str, Outside] = {}
         self.notes: list[str] = []
 
-    def source(self, name: str, what: str, function: UserFunction, outside: Outside) -> Source:
+    def source(
+        self, name: str, what: str, function: users.UserFunction, outside: Outside
+    ) -> Source:
         """Return a function as a source, traced or called outside.
 
         Args:
@@ -271,7 +250,7 @@ class Preparation:
             outside: What is called outside, checks included.
         """
         used_with = self.system.arm, self.system.mode, what
-        why = not_traced(function, used_with) if self.trace else "too many"
+        why = users.not_traced(function, used_with) if self.trace else "too many"
         if not why:
             return function
         self.outside[name] = outside
@@ -283,14 +262,14 @@ class Preparation:
     ) -> Source:
         """Return a function of time as a source; `read` checks what it gives."""
 
-        def examples() -> Iterator[Example]:
+        def examples() -> Iterator[users.Example]:
             for t in np.random.default_rng(0).uniform(0.0, 100.0, EXAMPLES):
                 value = function(float(t))
                 read(value)
                 yield (t,), value.homogeneous if isinstance(value, pin.SE3) else value
 
         seen = over_symbols(function)
-        traced = UserFunction.of(function, lambda t: _array(seen(t)), examples)
+        traced = users.UserFunction.of(function, lambda t: _array(seen(t)), examples)
         return self.source(name, what, traced, lambda t, _: read(function(t)))
 
     def law(self, i: int, controller: Controller) -> Source:
@@ -303,8 +282,8 @@ class Preparation:
             return joint_vector(arm, tau, "the controller's torque")
 
         def of_state(xp: Any, state: State) -> Any:
-            cfg: Any = TracedConfiguration(arm, xp, state)
-            return _array(seen(state.t, cfg, copied(state.dq)))
+            cfg: Any = users.TracedConfiguration(arm, xp, state)
+            return _array(seen(state.t, cfg, users.copied(state.dq)))
 
         def traced(t: Any, y: Any) -> Any:
             setup = Setup(wheels=(0,) * len(arm.wheels))
@@ -313,7 +292,7 @@ class Preparation:
             placed = moving(symbols, tree, p, t, y, np.zeros(0), numbers, setup)
             return of_state(symbols, placed)
 
-        def examples() -> Iterator[Example]:
+        def examples() -> Iterator[users.Example]:
             rng = np.random.default_rng(0)
             for _ in range(EXAMPLES):
                 y = system.state
@@ -322,10 +301,9 @@ class Preparation:
                 t = float(rng.uniform(0.0, 100.0))
                 yield (t, y), outside(t, y)
 
-        function = UserFunction.of(controller, traced, examples, of_state)
-        return self.source(
-            f"law{i}", f"the controller {type(controller).__name__}", function, outside
-        )
+        function = users.UserFunction.of(controller, traced, examples, of_state)
+        what = f"the controller {type(controller).__name__}"
+        return self.source(f"law{i}", what, function, outside)
 
 
 def prepared(system: System, wanted: Sequence[WantedEvent] = (), *, trace: bool = True) -> Prepared:
@@ -345,9 +323,9 @@ def prepared(system: System, wanted: Sequence[WantedEvent] = (), *, trace: bool 
         holds=system.hold is not None,
         motors=None if motors is None else todo.over_time(
             "motors", "the torque of the wheels", motors,
-            lambda tau: wheel_torques(tau, len(arm.wheels)),
+            lambda tau: plants.wheel_torques(tau, len(arm.wheels)),
         ),
-        pushed=tuple(_pushed(todo, i) for i in range(len(system.pushed))),
+        pushed=tuple(_pushed(todo, i) for i in range(len(system.plant.pushed))),
         passive=bool(system.passive),
         limits=system.plant.limits,
         events=tuple(root for _, root in events),
@@ -387,13 +365,9 @@ def wanted_events(
     arm = system.arm
 
     def add(
-        kind: str,
-        detail: str,
-        root: Event | None,
-        bound: float = 0.0,
-        value: Any = None,
+        kind: str, detail: str, root: Event | None, bound: float = 0.0, value: Any = None,
         moving: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         found.append(WantedEvent(root, bound, value, kind, detail, kind in stop, moving))
 
     if "singularity" in kinds and has_determinant(arm, system.mode):
@@ -411,7 +385,7 @@ def wanted_events(
             detail = f"error {reach:g}" + " to the moving target" * moving
             detail += f", {arm.tips[tip]}" if tip >= 0 else ""
             if type(law) in KINDS:
-                add("target", detail, Event("target", i), reach, None, moving)
+                add("target", detail, Event("target", i), reach, moving=moving)
             elif (error := getattr(law, "error", None)) is not None:
 
                 def miss(t: float, cfg: Configuration, error: Any = error) -> float:
@@ -438,7 +412,7 @@ def _law(
     law = Law(KINDS.get(type(controller), "own"), tip=max(tip, 0), joints=joints)
     if law.kind == "own":
         return law._replace(source=todo.law(i, controller)), []
-    rows, read = n, _joint_reader(arm, "target")
+    rows, read = n, _joint_reader(arm)
     if law.kind != "joints":
         task, first = arm.task, controller.goal(0.0)
         rows = len(task.rows)
@@ -469,9 +443,9 @@ def _law(
     return law, numbers
 
 
-def _joint_reader(arm: SpaceArm, name: str) -> Callable[[Any], Array]:
-    """Return the function that reads joint positions (n,), checked."""
-    return lambda values: joint_vector(arm, values, name)
+def _joint_reader(arm: SpaceArm) -> Callable[[Any], Array]:
+    """Return what checks the joint positions that are wanted."""
+    return lambda values: joint_vector(arm, values, "target")
 
 
 def goal_reader(arm: SpaceArm, pose: bool) -> Callable[[Any], Array]:
@@ -505,11 +479,11 @@ def joints_of(arm: SpaceArm, tip: int) -> Array:
 def _pushed(todo: Preparation, i: int) -> Pushed:
     """Return what is pushed by wrench i."""
     arm = todo.system.arm
-    link, wrench, own = todo.system.pushed[i]
+    link, wrench, own = todo.system.plant.pushed[i]
     source = None
     if callable(wrench):
         source = todo.over_time(f"wrench{i}", f"the wrench on {link!r}", wrench,
-                                lambda values: checked_wrench(link, values))  # fmt: skip
+                                lambda values: plants.wrench_at(link, values, 0.0))  # fmt: skip
     return Pushed(_body(arm, arm.model.getFrameId(link, pin.BODY)), own, source)
 
 
@@ -537,9 +511,9 @@ def _plant_numbers(system: System, setup: Setup, bounds: list[float]) -> dict[st
     names = ("stiffness", "relaxed", "damping", "friction", "slip")
     described = [arm.tree.joints[name] for name in arm.joint_names]
     frames = [arm.model.frames[arm.model.getFrameId(link, pin.BODY)].placement
-              for link, *_ in system.pushed]  # fmt: skip
-    wrenches = [np.zeros(6) if callable(wrench) else checked_wrench(link, wrench)
-                for link, wrench, _ in system.pushed]  # fmt: skip
+              for link, *_ in system.plant.pushed]  # fmt: skip
+    wrenches = [np.zeros(6) if callable(wrench) else plants.wrench_at(link, wrench, 0.0)
+                for link, wrench, _ in system.plant.pushed]  # fmt: skip
     axes = [arm.model.frames[wheel.frame].placement.rotation @ wheel.axis for wheel in arm.wheels]
     known = {
         "base": system.start.base.translation,

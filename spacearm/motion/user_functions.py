@@ -7,18 +7,11 @@ tell, and that gives, run over symbols, what it gives over numbers.
 from __future__ import annotations
 
 import dis
+import types
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from types import (
-    BuiltinFunctionType,
-    CodeType,
-    FunctionType,
-    MethodType,
-    ModuleType,
-    SimpleNamespace,
-)  # fmt: skip
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,8 +37,8 @@ CHANGES = frozenset((
 UNEVEN = frozenset(("random", "default_rng", "time", "perf_counter", "monotonic"))
 """Names in functions that give another value each time."""
 PLAIN = (
-    bool, int, float, complex, str, bytes, type(None), np.ndarray, np.generic, pin.SE3, ModuleType,
-    BuiltinFunctionType, np.ufunc, type,
+    bool, int, float, complex, str, bytes, type(None), np.ndarray, np.generic, np.ufunc, pin.SE3,
+    types.ModuleType, types.BuiltinFunctionType, type,
 )  # fmt: skip
 """Values that functions may refer to."""
 CLOSE = 1e-9
@@ -111,9 +104,8 @@ def not_traced(user: UserFunction, _used_with: tuple[SpaceArm, BaseMode, str]) -
     shapes = {name: np.shape(a) for name, a in zip(names, known[0][0], strict=True)}
     try:
         tape = trace(lambda **arrays: user.traced(*(arrays[name] for name in names)), shapes)
-        inputs = {
-            name: np.array([arguments[i] for arguments, _ in known]) for i, name in enumerate(names)
-        }
+        columns = zip(*(arguments for arguments, _ in known), strict=True)
+        inputs = {name: np.array(values) for name, values in zip(names, columns, strict=True)}
         values = interpreted(tape, inputs)[0]
     except Exception as error:  # whatever code does with arrays that are none
         return f"{type(error).__name__}: {error}"
@@ -146,7 +138,7 @@ def _hashable(value: Any) -> Any:
         return np.shape(value), value.tobytes()
     if isinstance(value, (bool, int, float, complex, str, bytes, type(None))):
         return value
-    if isinstance(value, FunctionType):
+    if isinstance(value, types.FunctionType):
         return id(value.__code__)
     if isinstance(value, (list, tuple, set, frozenset, dict)):
         return type(value).__name__, len(value)
@@ -165,26 +157,27 @@ def _walk(value: Any, seen: set[int]) -> Iterator[tuple[str, Any]]:
             yield from _walk(entry, seen)
     elif isinstance(value, dict):
         yield from _walk(list(value.values()), seen)
-    elif isinstance(value, MethodType):
+    elif isinstance(value, types.MethodType):
         yield from _walk(value.__func__, seen)
         yield from _walk(value.__self__, seen)
     elif type(value).__module__.partition(".")[0] in LIBRARIES:
         return
-    elif isinstance(value, FunctionType):
+    elif isinstance(value, types.FunctionType):
         if value.__module__ is None or value.__module__.partition(".")[0] not in LIBRARIES:
             yield from ((why, None) for why in _kept_by_code(value.__code__))
             yield from _walk(_referred(value), seen)
     elif hasattr(value, "__dict__"):
         for kind in type(value).__mro__[:-1]:
             for name, entry in vars(kind).items():
-                if isinstance(entry, FunctionType) and name not in ("__init__", "__post_init__"):
+                made = name in ("__init__", "__post_init__")
+                if isinstance(entry, types.FunctionType) and not made:
                     yield from _walk(entry, seen)
         yield from _walk(vars(value), seen)
     else:
         yield f"it uses a {type(value).__name__}, which may change", None
 
 
-def _referred(function: FunctionType) -> list[Any]:
+def _referred(function: types.FunctionType) -> list[Any]:
     """Return the values outside that a function refers to."""
     found = []
     for cell in function.__closure__ or ():
@@ -195,7 +188,7 @@ def _referred(function: FunctionType) -> list[Any]:
     return [*found, *(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
 
 
-def _kept_by_code(code: CodeType) -> Iterator[str]:
+def _kept_by_code(code: types.CodeType) -> Iterator[str]:
     """Yield what code keeps between calls, or changes."""
     steps = [*dis.get_instructions(code)]
     for i, step in enumerate(steps):
@@ -206,7 +199,7 @@ def _kept_by_code(code: CodeType) -> Iterator[str]:
         if name.startswith("LOAD_") and value in CHANGES | UNEVEN and not of_numpy:
             yield f"it calls {value}"
     for inside in code.co_consts:
-        if isinstance(inside, CodeType):
+        if isinstance(inside, types.CodeType):
             yield from _kept_by_code(inside)
 
 
@@ -266,7 +259,7 @@ class TracedConfiguration(NamedTuple):
         xp, tree, at = self.xp, self._tree(mode), self.state.at
         h = self.state.base.rotation.T @ self.state.y[self._momentum][3:]
         c = bias(xp, tree, at, xp.asarray(dq), unloaded(at)._replace(h=h))
-        return SimpleNamespace(tau=inertia(xp, tree, at) @ xp.asarray(ddq) + c)
+        return types.SimpleNamespace(tau=inertia(xp, tree, at) @ xp.asarray(ddq) + c)
 
 
 def copied(value: Any) -> Any:

@@ -123,15 +123,8 @@ class Forest:
 
     def tree(self, name: str, root: str) -> Tree:
         """Return the tree behind a root link."""
-        reached = self.behind(root)
-        return Tree(
-            name=name,
-            root=root,
-            links={link: part for link, part in self.links.items() if link in reached},
-            joints={name: joint for name, joint in self.joints.items() if joint.parent in reached},
-            visuals={link: shapes for link, shapes in self.visuals.items() if link in reached},
-            marks=tuple(mark for mark in self.marks if mark in reached),
-        )
+        whole = Tree(name, root, self.links, self.joints, self.visuals, marks=tuple(self.marks))
+        return whole.within(self.behind(root))
 
     def robot(self, source: Source, name: str, roots: Sequence[str]) -> Tree:
         """Return the tree with the tips asked for, else the most movable joints; say what is left.
@@ -300,20 +293,8 @@ def _is_body(source: Source, tree: Tree, link: str) -> bool:
 
 def _from(tree: Tree, root: str) -> Tree:
     """Return the part of a tree that a link carries, that link its root."""
-    links, joints = {root}, list[Joint]()
-    for joint in tree.depth_first():
-        if joint.parent in links:
-            links.add(joint.child)
-            joints.append(joint)
-    return replace(
-        tree,
-        root=root,
-        links={name: part for name, part in tree.links.items() if name in links},
-        joints={joint.name: joint for joint in joints},
-        visuals={name: shapes for name, shapes in tree.visuals.items() if name in links},
-        tips=tuple(tip for tip in tree.tips if tip in links),
-        marks=tuple(mark for mark in tree.marks if mark in links),
-    )
+    part = replace(tree, root=root)
+    return part.within({root, *(joint.child for joint in part.depth_first())})
 
 
 def _axes(tree: Tree, joints: list[Joint], *kinds: str) -> Array:

@@ -28,6 +28,7 @@ SINGULAR = 1e-10
 """Eigenvalue of the scaled joint inertia up to which some motion moves no mass."""
 LIGHT = 0.2
 """Mass of a spacecraft, as a share of what moves on it, up to which it looks like a foot."""
+ACCEPT = 'correct it, or load with check="warn" to accept it'
 
 
 def checked(source: Source, tree: Tree) -> Tree:
@@ -104,16 +105,14 @@ def _check_links(source: Source, tree: Tree) -> None:
             if fixed or (sound and len(parts) > 1):
                 source.warn(f"link {link!r} {fault}: accepted, as the body it is fixed to is sound")
             elif check == "error":
-                source.fail(
-                    f"link {link!r} {fault}", 'correct it, or load with check="warn" to accept it'
-                )
+                source.fail(f"link {link!r} {fault}", ACCEPT)
             elif check == "warn":
                 source.warn(f"link {link!r} {fault}")
     root = whole[tree.root]
     if source.reading.spacecraft and _thin(root) and (fault := root.fault()):
         problem = f"the spacecraft {tree.root!r} has no inertia about some axis ({fault})"
         if check == "error":
-            source.fail(problem, 'correct it, or load with check="warn" to accept it')
+            source.fail(problem, ACCEPT)
         source.warn(problem)
 
 
@@ -227,8 +226,7 @@ def of_density(source: Source, tree: Tree, density: float) -> dict[str, Inertial
     Warns:
         ModelWarning: Links got mass properties, or got none for want of a usable shape.
     """
-    found: dict[str, Inertial] = {}
-    bare: list[str] = []
+    found, bare = dict[str, Inertial](), list[str]()
     for link, inertial in tree.links.items():
         solids = tree.visuals.get(link, shapes.Visuals())
         if (inertial is None or inertial.mass == 0.0) and any(solids):
@@ -237,15 +235,12 @@ def of_density(source: Source, tree: Tree, density: float) -> dict[str, Inertial
                 bare.append(link)
             else:
                 part = Inertial.of_spatial(solid)
-                found[link] = part._replace(
-                    mass=density * part.mass, inertia=density * part.inertia
-                )
+                found[link] = part.with_mass(density * part.mass)
     if found:
         masses = ", ".join(f"{link!r} {part.mass:.4g} kg" for link, part in found.items())
         source.warn(f"density {density:g} kg/m^3 gives mass and inertia from shapes: {masses}")
     if bare:
-        names = ", ".join(map(repr, bare))
-        source.warn(f"density gives no mass to {names}: their shapes are missing or unusable")
+        source.warn(f"density gives no mass to {_quoted(bare)}: no shapes, or unusable ones")
     return found
 
 
@@ -327,10 +322,9 @@ def with_flat_bodies(source: Source, tree: Tree) -> Tree:
     }
     if not plates or not _level(tree, axis):
         return tree
-    moments = ", ".join(f"{link!r}" for link in plates)
     source.warn(
-        f"planar system: of {moments} only the moment of inertia about {'xyz'[axis]} is used, and "
-        "half of it is taken about the axes in the plane, which does not count there"
+        f"planar system: of {_quoted(plates)} only the moment of inertia about {'xyz'[axis]} is "
+        "used, and half of it is taken about the axes in the plane, which does not count there"
     )
     return replace(tree, links={**tree.links, **plates})
 
@@ -352,13 +346,8 @@ def _plate(part: Inertial, normal: Array) -> Inertial | None:
 
 def _level(tree: Tree, axis: int) -> bool:
     """Whether all centres of mass lie in one plane, as they must for a planar motion."""
-    points = np.array(
-        [
-            tree.frames[link].act(part.origin.translation)
-            for link, part in tree.links.items()
-            if part
-        ]
-    )
+    parts = ((link, part) for link, part in tree.links.items() if part)
+    points = np.array([tree.frames[link].act(part.origin.translation) for link, part in parts])
     size = float(np.ptp(points, axis=0).max())
     return float(np.ptp(points[:, axis])) <= SAME_HEIGHT * max(size, 1.0)
 
@@ -383,9 +372,8 @@ def implausible(tree: Tree, estimated: Mapping[str, Inertial]) -> list[str]:
         tree: Its links and joints.
         estimated: Mass properties of the links that got them from their shapes.
     """
-    lengths = {
-        name: float(np.linalg.norm(joint.origin.translation)) for name, joint in tree.joints.items()
-    }
+    origins = {name: joint.origin.translation for name, joint in tree.joints.items()}
+    lengths = {name: float(np.linalg.norm(place)) for name, place in origins.items()}
     found = [
         f"joint {name!r} is {length:.4g} m from the one before it, as if in millimetres"
         for name, length in lengths.items()
@@ -398,6 +386,8 @@ def implausible(tree: Tree, estimated: Mapping[str, Inertial]) -> list[str]:
     }
     levers = [float(np.linalg.norm(body.origin.translation)) for body in described.values()]
     size = max(LEAST_SIZE, sum(lengths.values()), *levers)
+    scale = (f"as if in millimetres; the robot is {size:.3g} m long: give its meshes a scale, as "
+             "in scale='0.001 0.001 0.001'")  # fmt: skip
     for link, body in described.items():
         largest, radius = _gyration(body)
         if radius > FAR * size:
@@ -411,21 +401,17 @@ def implausible(tree: Tree, estimated: Mapping[str, Inertial]) -> list[str]:
         if far > min(FAR * size, LONGEST):
             found.append(
                 f"link {link!r} has {part.mass:.4g} kg by its shapes, {far:.4g} m from its frame, "
-                f"as if in millimetres; the robot is {size:.3g} m long: give its meshes a scale, "
-                "as in scale='0.001 0.001 0.001'"
+                f"{scale}"
             )
-    oversize = {
-        link: far
+    reaches = {
+        link: max(shape.reach() for shape in (*solids.visual, *solids.collision))
         for link, solids in tree.visuals.items()
         if link not in estimated
-        and (far := max(shape.reach() for shape in (*solids.visual, *solids.collision)))
-        > min(FAR_DRAWN * size, LONGEST)
     }
-    if oversize:
+    if far_off := [link for link, far in reaches.items() if far > min(FAR_DRAWN * size, LONGEST)]:
         found.append(
-            f"shapes of {_quoted(oversize)} reach {max(oversize.values()):.4g} m from the frame of "
-            f"their link, as if in millimetres; the robot is {size:.3g} m long: give their meshes "
-            "a scale, as in scale='0.001 0.001 0.001'"
+            f"shapes of {_quoted(far_off)} reach {max(reaches.values()):.4g} m from the frame of "
+            f"their link, {scale}"
         )
     return found
 

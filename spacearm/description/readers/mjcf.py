@@ -108,9 +108,8 @@ class _Reader:
         sites = [model.site(i).name for i in range(model.nsite)]
         for name, i, body in zip(sites, range(model.nsite), model.site_bodyid, strict=True):
             if body and name and not _draws_axis(name, {*sites, *self._bodies}):
-                forest.mark(
-                    name, self._bodies[body], pose_of(model.site_pos[i], model.site_quat[i])
-                )
+                place = pose_of(model.site_pos[i], model.site_quat[i])
+                forest.mark(name, self._bodies[body], place)
         name = self._spec.modelname
         name = self._source.path.stem if name == UNNAMED_MODEL else name
         tree = forest.robot(self._source, name, self._roots(forest))
@@ -154,9 +153,8 @@ class _Reader:
         xx, yy, zz, xy, xz, yz = given.fullinertia
         full = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         turned = pose.rotation @ inertia @ pose.rotation.T
-        if given.explicitinertial and np.allclose(
-            full, turned, rtol=0, atol=SAME_INERTIA * inertia.max()
-        ):
+        off = np.abs(full - turned).max()
+        if given.explicitinertial and off <= SAME_INERTIA * inertia.max():
             pose, inertia = pin.SE3(np.eye(3), pose.translation), full  # without its rounding
         return Inertial(mass, pose, inertia)
 
@@ -233,17 +231,8 @@ UNNAMED_MODEL = "MuJoCo Model"
 AXIS = re.compile(r"(.+)[:_.-][xyz]", re.IGNORECASE)
 LEFT_OUT = ("actuators", "tendons", "equalities", "sensors", "skins", "flexes", "plugins")
 """What a free-floating arm does not have; it is named if the file has it."""
-UNNAMED = (
-    "keys",
-    "pairs",
-    "excludes",
-    "tuples",
-    "numerics",
-    "texts",
-    "textures",
-    "hfields",
-    "lights",
-)
+UNNAMED = ("keys", "pairs", "excludes", "tuples", "numerics", "texts", "textures", "hfields",
+           "lights")  # fmt: skip
 """What it does not have either, and nobody misses."""
 
 
@@ -395,16 +384,15 @@ class Geoms:
 
     def of_bodies(self, model: mujoco.MjModel) -> list[shapes.Visuals]:
         """Return the shapes of each body of the compiled model."""
-        found: list[tuple[list[shapes.Shape], list[shapes.Shape]]] = [
-            ([], []) for _ in range(model.nbody)
-        ]
+        found = [shapes.Visuals()] * model.nbody
         for drawn in self._drawn:
             i = drawn.geom.id
-            visual, collision = found[model.geom_bodyid[i]]
-            own = self._shapes(model, i, drawn)
-            visual += own if model.geom_group[i] < DRAWN_GROUPS else ()
-            collision += own if model.geom_contype[i] or model.geom_conaffinity[i] else ()
-        return [shapes.Visuals(tuple(visual), tuple(collision)) for visual, collision in found]
+            body, own = model.geom_bodyid[i], self._shapes(model, i, drawn)
+            visual = own if model.geom_group[i] < DRAWN_GROUPS else ()
+            collision = own if model.geom_contype[i] or model.geom_conaffinity[i] else ()
+            before = found[body]
+            found[body] = shapes.Visuals(before.visual + visual, before.collision + collision)
+        return found
 
     def _shapes(self, model: mujoco.MjModel, i: int, drawn: Drawn) -> tuple[shapes.Shape, ...]:
         """Return the shapes of a compiled geom; none of a plane."""

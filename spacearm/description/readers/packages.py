@@ -9,6 +9,8 @@ from pathlib import Path
 
 from lxml import etree
 
+from spacearm.files import xml
+
 DEPTH = 3
 """Levels of folders below each place that are searched."""
 LEVELS = 5
@@ -152,8 +154,7 @@ def _folders_in(folder: Path) -> list[Path]:
 def _declared_name(manifest: Path) -> str | None:
     """Return the name that a package.xml declares."""
     try:
-        parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
-        name = etree.fromstring(manifest.read_bytes(), parser).findtext("name")
+        name = xml(manifest.read_bytes()).findtext("name")
     except (OSError, etree.XMLSyntaxError):
         return None
     return name.strip() if name else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TypeAlias
 
@@ -178,11 +179,10 @@ class _Reader:
         model = self._model
         lower, upper = -math.inf, math.inf
         if joint.nq == joint.nv:
-            lower = _limit(model.lowerPositionLimit[joint.idx_q + j])
-            upper = _limit(model.upperPositionLimit[joint.idx_q + j])
-        velocity, effort = (
-            _limit(limits[joint.idx_v + j]) for limits in (model.velocityLimit, model.effortLimit)
-        )
+            ends = model.lowerPositionLimit, model.upperPositionLimit
+            lower, upper = (_limit(limits[joint.idx_q + j]) for limits in ends)
+        most = model.velocityLimit, model.effortLimit
+        velocity, effort = (_limit(limits[joint.idx_v + j]) for limits in most)
         if kind == "revolute" and math.isinf(lower) and math.isinf(upper):
             kind = "continuous"
         direction = np.array(axis, dtype=np.float64).reshape(3)
@@ -200,15 +200,9 @@ class _Reader:
 
     def _shapes(self, i: int) -> shapes.Visuals:
         """Return the shapes that move with joint i."""
-        visual, collision = (
-            tuple(
-                shape
-                for thing in (geometry.geometryObjects if geometry else ())
-                if thing.parentJoint == i
-                for shape in _shape(thing)
-            )
-            for geometry in (self._visual, self._collision)
-        )
+        both = (g.geometryObjects if g else () for g in (self._visual, self._collision))
+        own = ([thing for thing in things if thing.parentJoint == i] for things in both)
+        visual, collision = (tuple(chain(*map(_shape, things))) for things in own)
         return shapes.Visuals(visual, collision)
 
 

@@ -90,9 +90,7 @@ class _Reader:
             for joint in held:
                 del forest.joints[joint.name]
             del forest.links[WORLD]
-            massive = [
-                joint.child for joint in held if (part := forest.links[joint.child]) and part.mass
-            ]
+            massive = [j.child for j in held if (part := forest.links[j.child]) and part.mass]
             if any(forest.tree("", base).freedoms for base in massive):
                 bases = ", ".join(map(repr, massive))
                 source.note(
@@ -237,9 +235,7 @@ def inertial(source: Source, link: etree._Element) -> Inertial | None:
         return None
     mass = vector(source, element, "mass", "1").item()
     if mass < 0.0 or 0.0 < mass < LEAST_MASS:
-        source.fail(
-            f"the <mass> of link {name!r} is {mass:g} kg", f"give at least {LEAST_MASS:g} kg"
-        )
+        source.fail(f"the <mass> of link {name!r} is {mass:g} kg", f"give at least {LEAST_MASS:g}")
     given = source.child(element, "inertia")
     I = np.eye(3)
     if given is not None:

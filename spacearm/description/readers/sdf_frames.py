@@ -197,7 +197,7 @@ class Frames:
 
     def link_of(self, name: str, user: etree._Element) -> str:
         """Return the link that a frame moves with, or "world"."""
-        *_, (link, _) = self._along(name, user, "attached_to", "is attached to itself")
+        *_, (link, _) = self._along(name, user, "attached_to")
         return link
 
     def pose(self, name: str, of: str, user: etree._Element) -> pin.SE3:
@@ -215,16 +215,12 @@ class Frames:
     def _way(self, name: str, user: etree._Element) -> list[tuple[str, pin.SE3]]:
         """Return the frames from one up to the world, each with its pose in the next."""
         return [
-            (name, frame.pose * self._inside(frame.placed_by, name, user).inverse())
-            if frame.placed_by
-            else (name, frame.pose)
-            for name, frame in self._along(
-                name, user, "relative_to", "has a pose relative to itself"
-            )
+            (at, frame.pose * self._inside(frame.placed_by or at, at, user).inverse())
+            for at, frame in self._along(name, user)
         ]
 
     def _along(
-        self, name: str, user: etree._Element, onward: str, fault: str
+        self, name: str, user: etree._Element, onward: str = "relative_to"
     ) -> Iterator[tuple[str, Frame]]:
         """Yield a frame and those that lead on from it, by `relative_to` or `attached_to`.
 
@@ -232,14 +228,14 @@ class Frames:
             name: The first frame.
             user: What uses it.
             onward: The attribute that leads on.
-            fault: What a frame is that leads back to itself.
         """
         seen: dict[str, None] = {}
         while True:
             frame = self._frame(name, user)
             if name in seen:
-                way = f"{describe(frame.element)} {fault}, by way of {listed(seen)}"
-                self.source.fail(way, "cut that loop")
+                placed = "is attached to" if onward == "attached_to" else "has a pose relative to"
+                way = f"{placed} itself, by way of {listed(seen)}"
+                self.source.fail(f"{describe(frame.element)} {way}", "cut that loop")
             if len(seen) >= MOST_STEPS:
                 self.source.fail(
                     f"{describe(user)} is placed by way of more than {MOST_STEPS:,} frames",
@@ -255,7 +251,7 @@ class Frames:
     def _inside(self, name: str, model: str, user: etree._Element) -> pin.SE3:
         """Return the pose of a frame of a model in the model's own frame."""
         pose, at = pin.SE3.Identity(), name
-        for at, frame in self._along(name, user, "relative_to", "has a pose relative to itself"):
+        for at, frame in self._along(name, user):
             if at == model:
                 return pose
             pose = frame.pose * pose
@@ -313,14 +309,13 @@ def _placed(model: etree._Element, include: etree._Element) -> etree._Element:
     The copy hangs below the include, so that includes inside it know how deep they are.
     """
     copy = deepcopy(model)
-    if name := words(include, "name"):
-        copy.set("name", name)
-    if placed := words(include, "placement_frame"):
-        copy.set("placement_frame", placed)
-    if (given := include.find("pose")) is not None:
+    for tag in ("name", "placement_frame"):
+        if given := words(include, tag):
+            copy.set(tag, given)
+    if (at := include.find("pose")) is not None:
         for old in copy.findall("pose"):
             copy.remove(old)
-        copy.append(deepcopy(given))
+        copy.append(deepcopy(at))
     include.append(copy)
     return copy
 
@@ -357,13 +352,12 @@ def pose(source: Source, parent: etree._Element) -> pin.SE3:
     element = source.child(parent, "pose")
     if element is None or not (element.text or "").strip():
         return pin.SE3.Identity()
-    turned = element.get("rotation_format", "euler_rpy")
-    if turned == "quat_xyzw":
-        values = source.values(element, "<pose>", element.text or "", 7)
+    quaternion = element.get("rotation_format") == "quat_xyzw"
+    values = source.values(element, "<pose>", element.text or "", 7 if quaternion else 6)
+    if quaternion:
         zero = f"{describe(element)} has a zero quaternion"
         unit = source.unit(values[3:], zero, "give one of length 1")
         return pin.SE3(pin.Quaternion(unit).matrix(), values[:3])
-    values = source.values(element, "<pose>", element.text or "", 6)
     if element.get("degrees") in ("true", "1"):
         values[3:] = np.radians(values[3:])
     return pin.SE3(pin.rpy.rpyToMatrix(values[3:]), values[:3])

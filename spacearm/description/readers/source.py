@@ -23,7 +23,7 @@ from spacearm.arrays import LARGEST, MOST_LINKS, Array, positive
 from spacearm.description.readers.packages import Packages
 from spacearm.description.shapes import Shape, Unusable, Visuals
 from spacearm.errors import ConfigurationError, ModelError, ModelWarning, listed, warn
-from spacearm.files import read
+from spacearm.files import read, xml
 from spacearm.processes import WorkerError, call_within
 
 ARITHMETIC = re.compile(r"[\d.e+*/() pi-]{1,200}", re.ASCII)
@@ -140,8 +140,6 @@ SHORTEST = 1e-6
 """Least length of a vector or a quaternion that a direction can be read from."""
 ROBOTS = (".urdf", ".xacro", ".xml", ".sdf", ".world")
 """Suffixes of robot files."""
-SHOWN = 3
-"""Missing meshes that the warning about them names; the note names all."""
 LONGEST = 300
 """Characters of a name that a note shows."""
 MOST_PREFIXES = 20
@@ -229,12 +227,8 @@ class Source:
         """
         names = (*others, *(name for name, file in self._meshes.items() if file is None))
         if missing := sorted({name[:LONGEST] for name in names}):
-            rest = len(missing) - SHOWN
-            shown = ", ".join(name[:80] for name in missing[:SHOWN]) + (
-                f" and {rest} more" if rest > 0 else ""
-            )
             self.notes.append(f"meshes not found: {', '.join(missing)}")
-            warn(f"{self.path}: meshes not found (physics is not affected): {shown}")
+            warn(f"{self.path}: meshes not found (physics is not affected): {listed(missing)}")
 
     def root(self) -> etree._Element:
         """Return the root element of the file.
@@ -260,15 +254,8 @@ class Source:
 
         Namespaces need no declaration. Lines are those of the text, which may begin with blanks.
         """
-        parser = etree.XMLParser(
-            resolve_entities=False,
-            no_network=True,
-            load_dtd=False,
-            remove_comments=True,
-            remove_pis=True,
-        )
         try:
-            root = etree.fromstring(declared(text), parser)
+            root = xml(declared(text), bare=True)
         except etree.XMLSyntaxError as error:
             self.fail(f"is not XML ({error.msg})", "correct it there")
         if etree.ElementTree(root).docinfo.doctype:
@@ -307,9 +294,8 @@ class Source:
         values = np.array([evaluate(word) for word in split(text, count)], dtype=np.float64)
         if len(values) != count or not (np.abs(values) <= LARGEST).all():
             wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-            self.fail(
-                f"{describe(element)} has {what}={text[:60]!r}", f"give {wanted} up to {LARGEST:g}"
-            )
+            given = f"{describe(element)} has {what}={text[:60]!r}"
+            self.fail(given, f"give {wanted} up to {LARGEST:g}")
         return values
 
     def child(self, element: etree._Element, tag: str) -> etree._Element | None:
@@ -375,7 +361,7 @@ def declared(text: bytes) -> bytes:
         text = body.replace(b"?>", b"?>" + b"\n" * blank.count(b"\n"), 1)
     for _ in range(MOST_PREFIXES):
         try:
-            etree.fromstring(text, etree.XMLParser(resolve_entities=False, no_network=True))
+            xml(text)
         except etree.XMLSyntaxError as error:
             undeclared, root = UNDECLARED.match(error.msg or ""), ROOT_TAG.match(text)
             if undeclared is None or root is None:

@@ -8,7 +8,7 @@ gives a `ModelWarning`.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -270,38 +270,31 @@ def _resistance(source: Source, joint: etree._Element, name: str) -> float:
 def _warn_of_limits(source: Source, robot: etree._Element, joints: Mapping[str, Joint]) -> None:
     """Warn of limits that are missing, that are not used or that look like degrees."""
     written = {e.get("name", ""): e.find("limit") for e in robot.findall("joint")}
-    given = [(joints[n], e) for n, e in written.items() if n in joints and e is not None]
-    bounded = [joint for joint in joints.values() if joint.kind in ("revolute", "prismatic")]
-    free = [j.name for j in bounded if math.isinf(j.lower) and math.isinf(j.upper)]
-    unused = [
-        joint.name
-        for joint, limit in given
-        if limit.get("lower") or limit.get("upper")
-        if joint.kind == "continuous" and joint.mimic is None
-    ]
-    slow, weak = (
-        [
-            joint.name
-            for joint, limit in given
-            if joint.movable and math.isinf(getattr(joint, end))
-            if limit.get(end, "").strip().lower().lstrip("+-") not in INFINITE
-        ]
-        for end in ("velocity", "effort")
-    )
-    far = [
-        joint.name
-        for joint in bounded
-        if joint.kind == "revolute"
-        if any(MANY_TURNS < abs(x) < math.inf for x in (joint.lower, joint.upper))
-    ]
-    for say, names, text in (
-        (source.warn, free, "no limits on {}: taken as unlimited"),
-        (source.note, unused, "limits of {} do not count, as for all continuous joints"),
-        (source.note, slow, "rate limit of {} is zero or endless: taken as none"),
-        (source.note, weak, "effort limit of {} is zero or endless: taken as none"),
-        (source.warn, far, "limits of {} look like degrees, and are taken as radians"),
-    ):
-        if names:
+
+    def given(joint: Joint, end: str) -> str:
+        limit = written.get(joint.name)
+        return "" if limit is None else limit.get(end, "").strip().lower()
+
+    def unread(joint: Joint, end: str) -> bool:
+        none = joint.movable and math.isinf(getattr(joint, end))
+        return none and given(joint, end).lstrip("+-") not in INFINITE
+
+    doubts: tuple[tuple[Callable[[str], None], str, Callable[[Joint], object]], ...] = (
+        (source.warn, "no limits on {}: taken as unlimited",
+         lambda j: j.kind in ("revolute", "prismatic") and -j.lower == j.upper == math.inf),
+        (source.note, "limits of {} do not count, as for all continuous joints",
+         lambda j: (given(j, "lower") or given(j, "upper"))
+         and j.kind == "continuous" and not j.mimic),
+        (source.note, "rate limit of {} is zero or endless: taken as none",
+         lambda j: unread(j, "velocity")),
+        (source.note, "effort limit of {} is zero or endless: taken as none",
+         lambda j: unread(j, "effort")),
+        (source.warn, "limits of {} look like degrees, and are taken as radians",
+         lambda j: j.kind == "revolute" and any(MANY_TURNS < abs(x) < math.inf
+                                                for x in (j.lower, j.upper))),
+    )  # fmt: skip
+    for say, text, doubtful in doubts:
+        if names := [joint.name for joint in joints.values() if doubtful(joint)]:
             say(text.format(listed(names)))
 
 

@@ -11,16 +11,12 @@ from typing import NoReturn
 
 from lxml import etree
 
+from spacearm.description.readers import xacro_expansion
 from spacearm.description.readers.packages import Packages
 from spacearm.description.readers.source import WRITTEN, Source, apart, declared
-from spacearm.description.readers.xacro_expansion import (
-    Expansion,
-    MissingArgumentError,
-    MissingFileError,
-    XacroError,
-)
+from spacearm.description.readers.xacro_expansion import Expansion, XacroError
 from spacearm.errors import ModelError, unknown
-from spacearm.files import read
+from spacearm.files import read, xml
 
 FEW_STEPS = 100_000
 """Steps of an expansion that are taken here; one that takes more has a process of its own."""
@@ -58,9 +54,9 @@ def _expanded(source: Source, written: etree._Element, expansion: Expansion) -> 
     """Return the root element of the URDF, errors and warnings as of `expanded`."""
     try:
         urdf = expansion.urdf()
-    except MissingArgumentError as error:
+    except xacro_expansion.MissingArgumentError as error:
         _fail_without_arguments(source, expansion, error.name)
-    except MissingFileError as error:
+    except xacro_expansion.MissingFileError as error:
         _fail_without_file(source, expansion, error)
     except XacroError as error:
         source.fail(f"is a xacro source: {error.problem}", error.remedy)
@@ -91,7 +87,9 @@ def _fail_without_arguments(source: Source, expansion: Expansion, name: str) -> 
     )
 
 
-def _fail_without_file(source: Source, expansion: Expansion, error: MissingFileError) -> NoReturn:
+def _fail_without_file(
+    source: Source, expansion: Expansion, error: xacro_expansion.MissingFileError
+) -> NoReturn:
     """Say which argument a missing file is named after, and which values have one."""
     named = instead(error.file, expansion.arguments)
     if named is None:
@@ -211,9 +209,8 @@ class ArgumentsOf:
             for groups in EXPRESSION.findall(text):
                 for comparison in _comparisons(groups[0] or groups[1]):
                     names = {n.id for n in ast.walk(comparison) if isinstance(n, ast.Name)}
-                    named = {
-                        n.value for n in ast.walk(comparison.left) if isinstance(n, ast.Constant)
-                    }
+                    left = ast.walk(comparison.left)
+                    named = {n.value for n in left if isinstance(n, ast.Constant)}
                     if names & aliases or (named & aliases and "arg" in names):
                         constants = (n for c in comparison.comparators for n in ast.walk(c))
                         yield from (str(n.value) for n in constants if isinstance(n, ast.Constant))
@@ -245,12 +242,8 @@ def instead(file: Path, arguments: Mapping[str, str]) -> tuple[str, list[str]] |
             fitting = (e for e in entries if e.startswith(before) and e.endswith(after))
             values = [e[len(before) : len(e) - len(after)] for e in fitting]
             tails = {v: [part.replace(value, v) for part in rest] for v in values if v}
-            found = [
-                v
-                for v, tail in tails.items()
-                if folder.joinpath(before + v + after, *tail).exists()
-            ]
-            return name, found[:MOST_CHOICES]
+            places = {v: Path(folder, before + v + after, *tail) for v, tail in tails.items()}
+            return name, [v for v, place in places.items() if place.exists()][:MOST_CHOICES]
     return None
 
 
@@ -286,8 +279,7 @@ def _document(file: Path) -> etree._Element | None:
     if file.suffix in (".yaml", ".yml"):
         return None
     try:
-        parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
-        return etree.fromstring(declared(read(file)), parser)
+        return xml(declared(read(file)))
     except (OSError, etree.XMLSyntaxError):
         return None
 

@@ -342,9 +342,7 @@ def _expanded(node: Any) -> float:
         if id(node) not in sizes:
             sizes[id(node)] = math.inf  # while it is counted: it holds itself
             pairs = node.value if isinstance(node.value, list) else []
-            parts = [
-                part for pair in pairs for part in (pair if isinstance(pair, tuple) else [pair])
-            ]
+            parts = [x for pair in pairs for x in (pair if isinstance(pair, tuple) else [pair])]
             sizes[id(node)] = 1 + sum(map(size, parts))
         return sizes[id(node)]
 

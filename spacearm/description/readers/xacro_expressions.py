@@ -233,11 +233,10 @@ class _Guarded(ast.NodeTransformer):
     visit_Call = visit_Dict = visit_Set = visit_JoinedStr = _value
     visit_ListComp = visit_SetComp = visit_DictComp = _value
 
-    def visit_List(self, node: ast.List) -> ast.AST:
+    def _display(self, node: ast.List | ast.Tuple) -> ast.AST:
         return self._value(node) if isinstance(node.ctx, ast.Load) else node
 
-    def visit_Tuple(self, node: ast.Tuple) -> ast.AST:
-        return self._value(node) if isinstance(node.ctx, ast.Load) else node
+    visit_List = visit_Tuple = _display
 
     def visit_comprehension(self, node: ast.comprehension) -> ast.AST:
         self.generic_visit(node)
