@@ -118,6 +118,7 @@ RESULTS = {
     ),
     "FoundSet": lambda: sa.singular_set(sa.load("servicer_panda"), mode="fixed"),
     "FreeBox": lambda: sa.free_box(arm().at([0.3, 1.2])),
+    "FreeBox of uncertain arms": lambda: sa.free_box_for_all(unsure(), arm().at([0.3, 1.2])),
     "FreeBoxes": lambda: sa.free_boxes(arm(), share=0.5),
     "Identified": identified,
     "JointPD": lambda: sa.JointPD(target=lambda t: [t, t], kp=5.0, kd=9.0),
