@@ -152,6 +152,7 @@ from spacearm.uncertainty.robust import distance_range as distance_range
 from spacearm.uncertainty.robust import is_free_for_all as is_free_for_all
 from spacearm.uncertainty.robust import robust_plan as robust_plan
 from spacearm.uncertainty.robust import shell_bands as shell_bands
+from spacearm.uncertainty.robust_boxes import free_box_for_all as free_box_for_all
 from spacearm.viewer.show import view as view
 from spacearm.workspaces import design as design
 from spacearm.workspaces.path_dependent import Region as Region

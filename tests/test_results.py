@@ -127,6 +127,7 @@ RESULTS = {
     "Held": held,
     "HeldReport": lambda: held().report(),
     "FreeBox": lambda: sa.free_box(arm().at([0.3, 1.2])),
+    "FreeBox of uncertain arms": lambda: sa.free_box_for_all(unsure(), arm().at([0.3, 1.2])),
     "FreeBoxes": lambda: sa.free_boxes(arm(), share=0.5),
     "Identified": identified,
     "JointPD": lambda: sa.JointPD(target=lambda t: [t, t], kp=5.0, kd=9.0),

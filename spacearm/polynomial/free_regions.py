@@ -33,7 +33,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.polynomial.jets import Jets
+from spacearm.polynomial.jets import Jets, stacked
 from spacearm.polynomial.tubes import ROUNDING, Booleans, Indices, Tubes
 
 BATCH, LEAST, SPLIT = 512, 16, 50
@@ -140,6 +140,15 @@ class Roots:
         """(n,) which positions the polynomials depend on."""
         return np.any([f.polynomial.degrees for f in self.polynomials], axis=0)
 
+    @property
+    def alone(self) -> bool:
+        """Whether there is one polynomial, which changes its sign at its roots."""
+        return len(self.polynomials) == 1
+
+    def values(self, X: Array) -> Array:
+        """Return the first polynomial (m,) at x (m, n)."""
+        return self.polynomials[0](self.origin + self.unit * X).value
+
     @cached_property
     def _noise(self) -> Array:
         far = np.abs(self.origin) + self.unit * np.maximum(np.abs(self.low), np.abs(self.high))
@@ -160,18 +169,17 @@ class Roots:
 
     def expanded(self, centre: Array, half: Array) -> Expansion:
         """Expand the polynomials in boxes (m, n)."""
-        jets = [f(self.origin + self.unit * centre, 3) for f in self.polynomials]
-        value, slope, bend, third = (np.stack(part, axis=1) for part in zip(*jets, strict=True))
+        jet = stacked(self.polynomials, self.origin + self.unit * centre, 3)
         width = self.unit * half
         pairs = width[:, :, None] * width[:, None]
         triples = np.einsum("mi,mj,mk->mijk", half, half, half).reshape(len(half), -1)
         fourth = np.moveaxis(self._fourth @ triples.T, -1, 0) * half[:, None] / 24.0
         turn = half @ self._turns.T
         return Expansion(
-            value,
-            slope * width[:, None],
-            bend * pairs[:, None],
-            third * (pairs[:, :, :, None] * width[:, None, None])[:, None],
+            jet.value,
+            jet.gradient * width[:, None],
+            jet.hessian * pairs[:, None],
+            jet.third * (pairs[:, :, :, None] * width[:, None, None])[:, None],
             fourth,
             self._noise * (1.0 + turn + turn**2 / 2.0 + turn**3 / 6.0),
         )

@@ -115,7 +115,7 @@ class Jets:
         return sorted((j for j, d in enumerate(degrees) if d), key=lambda j: degrees[j])
 
     @cached_property
-    def _tensor(self) -> Array:
+    def tensor(self) -> Array:
         """Real coefficients in the bases of the coordinates, axes as in `_axes`."""
         real = self.polynomial.real
         for j in np.flatnonzero(self.chart.slides):  # of a sliding joint there are no sines
@@ -130,27 +130,24 @@ class Jets:
 
     def __call__(self, Q: Array, order: int = 0) -> Jet:
         """Evaluate at Q (m, n), with derivatives up to an order from 0 to 3."""
-        m, n = Q.shape
-        parts = [np.zeros((m if e <= order else 0, *(n,) * e)) for e in range(4)]
-        step = max(1, BLOCK // max(1, self._tensor.size))
-        for first in range(0, m, step):
-            rows = slice(first, first + step)
-            for of, values in self._partials(Q[rows], order).items():
-                for index in set(permutations(of)):
-                    at: Any = (rows, *index)
-                    parts[len(of)][at] = values
-        return Jet(*parts)
+        return Jet(*(part[:, 0] for part in stacked([self], Q, order)))
 
-    def _partials(self, Q: Array, order: int) -> dict[tuple[int, ...], Array]:
-        """Compute the partial derivatives (m,) by the coordinates they are taken in."""
+    def partials(self, tensors: Array, Q: Array, order: int) -> dict[tuple[int, ...], Array]:
+        """Compute the partial derivatives (m, c) by the coordinates they are taken in.
+
+        Args:
+            tensors: (c, ...) coefficients of polynomials of the same degrees, as `tensor`.
+            Q: (m, n) where.
+            order: Up to which order.
+        """
         m = len(Q)
         if not self._axes:
-            return {(): np.full(m, float(self._tensor))}
+            return {(): np.tile(tensors, (m, 1))}
         axes = list(self._axes)
         j = axes.pop()
         waves = self._waves(Q[:, j], j, order)  # (m, size, order + 1)
         size = waves.shape[1]
-        first = self._tensor.reshape(-1, size) @ waves.transpose(1, 0, 2).reshape(size, -1)
+        first = tensors.reshape(-1, size) @ waves.transpose(1, 0, 2).reshape(size, -1)
         first = first.reshape(-1, m, order + 1).transpose(2, 1, 0)
         partial = {(j,) * e: first[e] for e in range(order + 1)}
         while axes:
@@ -163,7 +160,7 @@ class Jets:
                 for e in range(left + 1):
                     after[(*of, *(j,) * e)] = product[:, :, e]
             partial = after
-        return {of: values.reshape(m) for of, values in partial.items()}
+        return {of: values.reshape(m, -1) for of, values in partial.items()}
 
     def _waves(self, q: Array, j: int, order: int) -> Array:
         """Compute the basis of coordinate j and its derivatives, (m, size, order + 1)."""
@@ -226,9 +223,26 @@ class Jets:
 
 
 def stacked(polynomials: Sequence[Jets], Q: Array, order: int = 0) -> Jet:
-    """Evaluate c polynomials at Q (m, n): values (m, c), gradients (m, c, n), hessians."""
-    jets = [f(Q, order) for f in polynomials]
-    return Jet(*(np.stack(parts, axis=1) for parts in zip(*jets, strict=True)))
+    """Evaluate c polynomials at Q (m, n): values (m, c), gradients (m, c, n), hessians, ...
+
+    Those of the same degrees are evaluated together.
+    """
+    (m, n), c = Q.shape, len(polynomials)
+    parts = [np.zeros((m if e <= order else 0, c, *(n,) * e)) for e in range(4)]
+    alike: dict[tuple[int, ...], list[int]] = {}
+    for i, f in enumerate(polynomials):
+        alike.setdefault(f.polynomial.degrees, []).append(i)
+    for which in alike.values():
+        one = polynomials[which[0]]
+        tensors = np.array([polynomials[i].tensor for i in which])
+        step = max(1, BLOCK // max(1, tensors.size))
+        for first in range(0, m, step):
+            rows = slice(first, first + step)
+            for of, values in one.partials(tensors, Q[rows], order).items():
+                for index in set(permutations(of)):
+                    at: Any = (rows, which, *index)
+                    parts[len(of)][at] = values
+    return Jet(*parts)
 
 
 class Pointwise:

@@ -4,13 +4,17 @@ A box is grown from a configuration, or from the ranges of a motion, one side at
 moves on as soon as the slab that it adds is proven free (`polynomial.free_regions`), and stops
 where a singular configuration is found in the slab. With a clearance the slab counts with
 everything that is no farther from it.
+
+The box may have coordinates beyond the joints, whose ranges stand from the beginning: the numbers
+of an arm that are known in intervals (`uncertainty.robust_boxes`).
 """
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
@@ -30,15 +34,11 @@ from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import payload_note
 from spacearm.singularities.nearest import NearestSearch
-from spacearm.singularities.polynomials import proving_minors
+from spacearm.singularities.polynomials import chart_of, proving_minors
 
-STEP = 0.2
-"""By how much a side moves at first, in units of `joint_scales`."""
 SHARE, LEAST_WIDTH = 0.004, 0.02
 """How far before a singular configuration a side stops, as a share of the width of its joint, which
 counts as no less than so much."""
-MOST_CELLS, MOST_OF_A_SLAB = 400_000, 20_000
-"""Cells that the proofs of a box may take, and that of one slab."""
 BATCH = 512
 """Cells, and random configurations, that are looked at together."""
 POLISHED = 14
@@ -87,12 +87,14 @@ class Stop(NamedTuple):
             "limit": the range allowed ends; "turn": all angles are free; "irrelevant": no singular
             configuration depends on the joint; "undecided": the budget of the proof ended.
         at: (n,) the singular configuration; None if there is none.
+        values: Of a box for all values of uncertain numbers those with which it is singular.
     """
 
     joint: str
     side: Side
     why: Why
     at: Array | None
+    values: dict[str, float] | None = None
 
 
 class FreeBox(Result):
@@ -107,6 +109,8 @@ class FreeBox(Result):
             [rad]; sliding joints count as in `SingularityReport.radian`.
         stops: What stops each side, lower and upper of one joint after the other.
         cells: Number of cells that the proof took.
+        uncertain: Numbers of the arm by name, and the intervals for all values of which nothing in
+            the ranges is singular (`free_box_for_all`); of the others those of the arm count.
     """
 
     arm: SpaceArm
@@ -116,6 +120,7 @@ class FreeBox(Result):
     clearance: float
     stops: tuple[Stop, ...]
     cells: int
+    uncertain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
@@ -155,6 +160,7 @@ class FreeBox(Result):
         """
         lines = [
             f"# No configuration of {json.dumps(self.arm.name)} in these ranges is singular.",
+            *(f"# For {name} from {a!r} to {b!r}." for name, (a, b) in self.uncertain.items()),
             f"arm = {json.dumps(self.arm.name)}",
             f"mode = {json.dumps(self.mode)}",
             f"clearance = {float(self.clearance)!r}",
@@ -187,6 +193,11 @@ class FreeBox(Result):
         tables = [Table.by_columns(ends)]
         if found:
             tables.append(Table.by_columns(columns, "Singular postures that stop a side"))
+        if self.uncertain:
+            facts = {
+                name: f"{low:.6g} to {high:.6g}" for name, (low, high) in self.uncertain.items()
+            }
+            tables.append(Table.facts(facts, "For all values of"))
         open_ = sum(stop.why == "undecided" for stop in self.stops)
         return Description(
             title=f"{self.arm.name}, {self.mode}",
@@ -249,20 +260,90 @@ def free_box(
         >>> box.contains([0.4, 1.3]), box.contains([0.3, 0.0])
         (True, False)
     """
+    minors = minors_for_proofs(about.arm, mode)
+
+    def region(*where: Array) -> Region:
+        return Roots(minors, *where)
+
+    return grown(about, region, mode, joints, at_least, within, clearance, progress).box()
+
+
+class Effort(NamedTuple):
+    """How a box grows, and how long.
+
+    Attributes:
+        step: By how much a side moves at first, in units of `joint_scales`.
+        cells: Cells that the proofs of a box may take.
+        slab: Cells that the proof of one slab may take.
+    """
+
+    step: float
+    cells: int
+    slab: int
+
+
+POLYNOMIALS = Effort(0.2, 400_000, 20_000)
+
+
+class Region(Protocol):
+    """What proves boxes of joint positions free, in x = (q - origin) / unit.
+
+    Coordinates of x after those of the joints are from -1 to 1.
+    """
+
+    @property
+    def relevant(self) -> npt.NDArray[np.bool_]:
+        """Which coordinates matter."""
+
+    @property
+    def alone(self) -> bool:
+        """Whether `values` change their sign at singular configurations."""
+
+    def values(self, X: Array) -> Array:
+        """Compute what changes its sign, (m,) at x (m, n)."""
+
+    def free(self, centre: Array, half: Array) -> tuple[npt.NDArray[np.bool_], Array]:
+        """Tell which boxes (m, n) are free, and what the width of each coordinate takes."""
+
+
+def grown(
+    about: Postures,
+    region: Callable[[Array, Array, Array, Array], Region],
+    mode: BaseMode,
+    joints: Sequence[str],
+    at_least: float | None,
+    within: tuple[npt.ArrayLike, npt.ArrayLike] | None,
+    clearance: float,
+    progress: Progress | None,
+    effort: Effort = POLYNOMIALS,
+) -> Growth:
+    """Grow a box about postures; see `free_box`.
+
+    Args:
+        about: The configuration or motion.
+        region: Returns what proves, of origin, unit, least and largest x of the joints, (n,) each.
+        mode: What the spacecraft does.
+        joints: As the others of `free_box`.
+        at_least: As there.
+        within: As there.
+        clearance: As there.
+        progress: As there.
+        effort: How it grows, and how long.
+    """
     arm, rows = about.arm, np.atleast_2d(np.asarray(about.q, dtype=np.float64))
     if clearance:
         positive(clearance, "clearance", "angle [rad]")
     named = [arm.joint_names.index(joint_name(arm, name)) for name in joints]
     widths = None if at_least is None else positive(at_least, "at_least", "width [rad]")
     ends = np.array(range_allowed(arm, rows, within))
-    growth = _Growth(minors_for_proofs(arm, mode), arm, mode, rows, ends, clearance, progress)
+    growth = Growth(region, arm, mode, rows, ends, clearance, progress, effort)
     growth.start()
     if widths is not None:
         growth.grow(growth.relevant, widths)
         growth.check_widths(widths)
     growth.grow(named)
     growth.grow(growth.relevant)
-    return growth.box()
+    return growth
 
 
 def minors_for_proofs(arm: SpaceArm, mode: BaseMode) -> list[Jets]:
@@ -309,32 +390,34 @@ def range_allowed(
     return low, high
 
 
-class _Growth:
+class Growth:
     """A box that grows, in x = (q - origin) / unit; its sides are numbered (joint, 0 or 1).
 
     Args:
-        minors: Polynomials whose common roots count.
+        region: Returns what proves it.
         arm: The arm.
         mode: What the spacecraft does.
         rows: (m, n) configurations that it starts from.
         ends: (2, n) least and largest positions allowed.
         clearance: How far from the box singular configurations must be.
         progress: What is told of the cells.
+        effort: How it grows, and how long.
     """
 
     def __init__(
         self,
-        minors: Sequence[Jets],
+        region: Callable[[Array, Array, Array, Array], Region],
         arm: SpaceArm,
         mode: BaseMode,
         rows: Array,
         ends: Array,
         clearance: float,
         progress: Progress | None,
+        effort: Effort,
     ) -> None:
         self.arm, self.mode, self.ends = arm, mode, ends
-        self.clearance, self.progress = clearance, progress
-        unit, origin, chart = joint_scales(arm), rows[0], minors[0].chart
+        self.clearance, self.progress, self.effort = clearance, progress, effort
+        unit, origin, chart = joint_scales(arm), rows[0], chart_of(arm)
         far = np.where(arm.slides, chart.half, TURN)
         middle = np.where(arm.slides, chart.centre, origin)
         allowed = np.clip(ends, middle - far, middle + far)
@@ -342,24 +425,19 @@ class _Growth:
         self.extent = np.stack((-x.min(axis=0), x.max(axis=0)), axis=1)  # of each side, outwards
         self.bound = np.maximum(np.abs(allowed - origin).T / unit[:, None], self.extent)
         low, high = -self.bound[:, 0] - clearance, self.bound[:, 1] + clearance
-        self.roots = Roots(minors, origin, unit, low, high)
-        self.relevant = [int(j) for j in np.flatnonzero(self.roots.relevant)]
-        self.clear = np.where(self.roots.relevant, clearance, 0.0)
+        self.origin, self.unit, n = origin, unit, arm.n
+        self.region = region(origin, unit, low, high)
+        self.relevant = [int(j) for j in np.flatnonzero(self.region.relevant[:n])]
+        more = len(self.region.relevant) - n
+        self.extent = np.vstack((self.extent, np.ones((more, 2))))
+        self.clear = np.where(self.region.relevant, clearance, 0.0)
+        self.clear[n:] = 0.0
         self.stopped: dict[tuple[int, int], tuple[Why, Array | None]] = {}
         self.found: list[Array] = []
         self.cells = 0
         self.rng = np.random.default_rng(0)
-        self.sign = np.sign(self.values(np.zeros((1, arm.n)))[0])
-
-    @property
-    def alone(self) -> bool:
-        """Whether there is one minor, which changes its sign at a singular configuration."""
-        return len(self.roots.polynomials) == 1
-
-    def values(self, X: Array) -> Array:
-        """Return the first minor at x (m, n)."""
-        at = self.roots.origin + self.roots.unit * X
-        return self.roots.polynomials[0](at).value
+        self.alone = self.region.alone
+        self.sign = np.sign(self.region.values(np.zeros((1, n + more)))[0])
 
     def corners(self) -> tuple[Array, Array]:
         """Return the corners of the box, (n,) each; zeros of joints that do not matter."""
@@ -367,7 +445,7 @@ class _Growth:
 
     def reduced(self, X: Array) -> Array:
         """Return x (..., n) with zeros for the joints that do not matter."""
-        return np.where(self.roots.relevant, X, 0.0)
+        return np.where(self.region.relevant, X, 0.0)
 
     def start(self) -> None:
         """Prove the box that is there before any side has moved.
@@ -404,11 +482,11 @@ class _Growth:
 
     def positions(self, x: Array) -> Array:
         """Return the joint positions of x (n,)."""
-        return np.asarray(self.roots.origin + self.roots.unit * x)
+        return np.asarray(self.origin + self.unit * x[: self.arm.n])
 
     def grow(self, joints: Sequence[int], widest: float = np.inf) -> None:
         """Move the sides of joints outwards, in turn, until all are stopped or as wide as asked."""
-        step = dict.fromkeys([(j, s) for j in joints for s in (0, 1)], STEP)
+        step = dict.fromkeys([(j, s) for j in joints for s in (0, 1)], self.effort.step)
         moving = [side for side in step if side not in self.stopped]
         while moving:
             for side in moving:
@@ -434,7 +512,7 @@ class _Growth:
             self.stopped[side] = ("turn" if here >= turn else "limit", None)
         elif cap - here <= 2.0 * margin:
             self.stopped[side] = ("singular", root)
-        elif step[side] < margin / 4.0 or self.cells >= MOST_CELLS:
+        elif step[side] < margin / 4.0 or self.cells >= self.effort.cells:
             self.stopped[side] = ("undecided", None)
         else:
             wanted = here + widest - width
@@ -508,7 +586,7 @@ class _Growth:
                 stack.append((centre[BATCH:], half[BATCH:]))
                 centre, half = centre[:BATCH], half[:BATCH]
             looked += len(centre)
-            free, taken = self.roots.free(centre, half)
+            free, taken = self.region.free(centre, half)
             centre, half, taken = centre[~free], half[~free], taken[~free]
             if not len(centre):
                 continue
@@ -517,7 +595,7 @@ class _Growth:
                 smallest = np.argsort(half.max(axis=1))[: self.starts]
                 root, descents = self.crossing(low, high, side, centre[smallest]), descents + 1
             narrow = half.max(axis=1).min() < NARROW
-            if root is not None or looked >= MOST_OF_A_SLAB or narrow:
+            if root is not None or looked >= self.effort.slab or narrow:
                 self.count(looked)
                 return False, root
             centre, half = halved(centre, half, taken)
@@ -530,7 +608,7 @@ class _Growth:
         """Count cells, and tell of them."""
         self.cells += looked
         if self.progress:
-            self.progress(min(self.cells, MOST_CELLS), MOST_CELLS)
+            self.progress(min(self.cells, self.effort.cells), self.effort.cells)
 
     def away(self, centre: Array, half: Array | float, low: Array, high: Array) -> Array:
         """Return how far cells are from a slab, rounded down."""
@@ -591,12 +669,14 @@ class _Growth:
         Gauss-Newton method, between `start` and `end`.
         """
         if not self.alone:
-            search = NearestSearch(self.arm, self.mode, self.roots.origin[None], start, end)
-            X = search.onto(X, DESCENT)
-            X = X[search.linearise(X).distance <= ON_THE_SET]
+            n = self.arm.n  # of uncertain numbers the middle is searched
+            search = NearestSearch(self.arm, self.mode, self.origin[None], start[:n], end[:n])
+            found = search.onto(X[:, :n], DESCENT)
+            found = found[search.linearise(found).distance <= ON_THE_SET]
+            X = np.pad(found, ((0, 0), (0, len(start) - n)))
             return X[self.away(X, 0.0, low, high) <= self.clearance]
         X = X[self.away(X, 0.0, low, high) <= self.clearance]
-        X = X[self.values(X) * self.sign < 0.0]
+        X = X[self.region.values(X) * self.sign < 0.0]
         if not len(X):
             return X
         gap = np.linalg.norm(X - self.clipped(X, low, high, side), axis=1)
@@ -620,7 +700,7 @@ class _Growth:
         here, there = self.clipped(x[None], low, high, side)[0], x
         for _ in range(60):
             middle = 0.5 * (here + there)
-            if self.values(middle[None])[0] * self.sign < 0.0:
+            if self.region.values(middle[None])[0] * self.sign < 0.0:
                 there = middle
             else:
                 here = middle

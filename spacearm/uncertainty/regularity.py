@@ -141,12 +141,20 @@ class Enclosure(NamedTuple):
     @property
     def regular(self) -> Booleans:
         """(k,) whether no M is singular."""
-        R = self.parts.sum(axis=0)
-        v = np.ones((*R.shape[:2], 1))
-        for _ in range(PERRON):
-            v = R @ v
-            v = v / v.max(axis=1, keepdims=True) + LEAST
-        return np.asarray((R @ v < (1.0 - 1e-9) * v).all(axis=(1, 2)))
+        return strongly_regular(self.parts.sum(axis=0))[0]
+
+
+def strongly_regular(R: Array) -> tuple[Booleans, Array]:
+    """Tell where all matrices 1 + E with |E| <= R (k, r, r) are regular: R v < v for some v > 0.
+
+    Returns:
+        (k,) whether they are, and v (k, r, 1).
+    """
+    v = np.ones((*R.shape[:2], 1))
+    for _ in range(PERRON):
+        v = R @ v
+        v = v / v.max(axis=1, keepdims=True) + LEAST
+    return np.asarray((R @ v < (1.0 - 1e-9) * v).all(axis=(1, 2))), v
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +279,7 @@ class Momenta:
         for link, (arms, factors) in zip(self.links, self.independent, strict=True):
             F = np.stack([(self.matrices(arm, Q) - whole).reshape(k, -1) for arm in arms], 1)
             F = (factors @ F).reshape(k, len(factors), *shape)
-            coefficients, centre = self._restricted(link, F, pieces)
+            coefficients, centre = self.restricted(link, F, pieces.low, pieces.high)
             M = M + centre
             spread.append(coefficients - centre[:, None])
         m = M[:, NODES // 2]
@@ -297,20 +305,27 @@ class Momenta:
             corner[:, link] = np.where(up, pieces.high[:, link], pieces.low[:, link])
         return Enclosure(np.array(parts), m, worst, corner)
 
-    def _restricted(self, link: list[int], F: Array, pieces: Pieces) -> tuple[Array, Array]:
-        """Return Bernstein coefficients and middles of values F (k, nodes, ...) over the pieces."""
+    def restricted(self, link: list[int], F: Array, low: Array, high: Array) -> tuple[Array, Array]:
+        """Return Bernstein coefficients and middles of values F (k, nodes, ...) over some boxes.
+
+        Args:
+            link: The numbers of its parameters.
+            F: Values at all nodes of its parameters.
+            low: (k, p) least shares of the parameters.
+            high: (k, p) largest shares.
+        """
         k, nodes, *rest = F.shape
         degrees = [self.degrees[j] for j in link]
         middle = F.reshape(k, *(d + 1 for d in degrees), -1)
         whole = middle
         for axis, (j, d) in enumerate(zip(link, degrees, strict=True), 1):
-            x, low, high = np.linspace(0.0, 1.0, d + 1), pieces.low[:, j], pieces.high[:, j]
+            x, least, largest = np.linspace(0.0, 1.0, d + 1), low[:, j], high[:, j]
             inverse = np.linalg.inv(_bernstein(x, d))
-            inner = _bernstein(low[:, None] + x * (high - low)[:, None], d)
+            inner = _bernstein(least[:, None] + x * (largest - least)[:, None], d)
             first = np.moveaxis(whole, axis, 1)
             turned = (inverse @ inner @ inverse) @ first.reshape(k, d + 1, -1)
             whole = np.moveaxis(turned.reshape(first.shape), 1, axis)
-            at = _bernstein(0.5 * (low + high), d) @ inverse
+            at = _bernstein(0.5 * (least + largest), d) @ inverse
             middle = np.einsum("ka,ka...->k...", at, middle)
         return whole.reshape(k, nodes, *rest), middle.reshape(k, *rest)
 
@@ -362,7 +377,7 @@ def look(uncertain: UncertainArm, way: Array, progress: Progress | None = None) 
         regular, t = seen.regular, 0.5 * (now.begin + now.end)
         centre = 0.5 * (now.low + now.high)
         for M, shares in ((seen.middle, centre), (seen.worst, seen.corner)):
-            for i, value in enumerate(_determinants(M)):
+            for i, value in enumerate(determinants(M)):
                 if abs(value) > SURE:
                     known.setdefault(value > 0.0, (float(t[i]), shares[i]))
         open_ = open_.and_(now.some(~regular).halves(_by(momenta, seen, now)[~regular]))
@@ -385,7 +400,7 @@ def _descent(momenta: Momenta, pieces: Pieces) -> Iterator[tuple[bool, Place]]:
     realise, p = momenta.uncertain.realise, len(momenta.degrees)
     shares = np.full(p, 0.5)
     for _ in range(DESCENT):
-        values = _determinants(momenta.matrices(realise(shares), Q))
+        values = determinants(momenta.matrices(realise(shares), Q))
         i = int(np.abs(values).argmin())
         for k in {i, int(values.argmin()), int(values.argmax())}:
             if abs(values[k]) > SURE:
@@ -393,7 +408,7 @@ def _descent(momenta: Momenta, pieces: Pieces) -> Iterator[tuple[bool, Place]]:
         ends = np.array(
             [np.where(np.arange(p) == j, x, shares) for j in range(p) for x in (0.0, 1.0)]
         )
-        found = [_determinants(momenta.matrices(realise(x), Q[i : i + 1]))[0] for x in ends]
+        found = [determinants(momenta.matrices(realise(x), Q[i : i + 1]))[0] for x in ends]
         lower = (np.sign(values[i]) * np.array(found)).reshape(p, 2).argmin(axis=1)
         if (lower == shares).all():
             return
@@ -409,7 +424,7 @@ def _by(momenta: Momenta, seen: Enclosure, pieces: Pieces) -> npt.NDArray[np.int
     return np.asarray(choices[shares.argmax(axis=0), np.arange(len(wide))])
 
 
-def _determinants(M: Array) -> Array:
+def determinants(M: Array) -> Array:
     """Return the determinants of M (k, r, c) with rows of length 1; zeros if it is not square."""
     if M.shape[1] != M.shape[2]:
         return np.zeros(len(M))
