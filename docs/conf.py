@@ -70,7 +70,7 @@ def setup(app):
     copy_lessons()
     app.connect("autodoc-process-docstring", escape_bars)
     app.connect("autodoc-skip-member", skip_fields)
-    app.connect("object-description-transform", parameters.tabulate)
+    app.connect("doctree-read", parameters.tabulate)
     app.connect("build-finished", links.check)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 

@@ -13,13 +13,14 @@ NAMES = {"Variables": "Attributes"}
 """Fields that have another name in the code."""
 
 
-def tabulate(_app: object, _domain: str, _kind: str, content: nodes.Element) -> None:
-    """Turn the fields of an object that list names into tables."""
-    for field in list(content.findall(nodes.field)):
+def tabulate(_app: object, page: nodes.document) -> None:
+    """Turn the fields of a page that list names into tables."""
+    for field in list(page.findall(nodes.field)):
         head, body = field.children
         title = head.astext()
         if title in TABLES:
-            items = [item.children for item in body.findall(nodes.list_item)] or [body.children]
+            one = not isinstance(body[0], nodes.bullet_list)
+            items = [body.children] if one else [item.children for item in body[0].children]
             body.children = []
             body += _table([_divided(item) for item in items])
             head.children = []
