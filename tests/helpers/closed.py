@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pinocchio as pin
-
 import spacearm as sa
 from helpers.arms import (
     frame,
@@ -44,7 +42,7 @@ def rough(arm, rng, mass=None, off=0.15):
     """A rough start, a target, and grasps that some posture near by closes."""
     q = rng.uniform(-1.5, 1.5, arm.n)
     closed = arm.at(q, base=random_base(rng))
-    target = debris(rng, mass, closed.tips[0] * pin.SE3.Random())
+    target = debris(rng, mass, closed.tips[0] * random_base(rng))
     grasps = {
         tip: target.pose.actInv(pose) for tip, pose in zip(arm.tips, closed.tips, strict=True)
     }
