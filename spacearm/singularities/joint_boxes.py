@@ -491,11 +491,8 @@ class Growth:
         while moving:
             for side in moving:
                 self.move(side, step, widest)
-            moving = [
-                (j, s)
-                for j, s in moving
-                if (j, s) not in self.stopped and self.extent[j].sum() < widest
-            ]
+            moving = [side for side in moving if side not in self.stopped]
+            moving = [side for side in moving if self.extent[side[0]].sum() < widest]
 
     def move(
         self, side: tuple[int, int], step: dict[tuple[int, int], float], widest: float
@@ -573,8 +570,7 @@ class Growth:
         self, low: Array, high: Array, side: tuple[int, int] | None
     ) -> tuple[bool, Array | None]:
         """Prove that no singular x is in a slab or nearer than the clearance, or find one."""
-        root = self.crossing(low, high, side)
-        if root is not None:
+        if (root := self.crossing(low, high, side)) is not None:
             return False, root
         outer = np.array((low - self.clear, high + self.clear))
         half = 0.5 * (outer[1] - outer[0]) * (1.0 + ROUNDING)
@@ -637,13 +633,11 @@ class Growth:
                 spread = self.rng.uniform(-0.5, 0.5, (self.starts, len(low))) * (end - start)
                 middle = 0.5 * (start + end) if best is None else best
                 X = np.clip(middle + spread * 0.6**i, start, end)
-            for root in self.roots_from(X, low, high, side, start, end):
-                if best is None or self.gap(root, low, high, side) < self.gap(
-                    best, low, high, side
-                ):
-                    best = root
-            if best is None:
+            seen = [*self.roots_from(X, low, high, side, start, end)]
+            seen = seen if best is None else [best, *seen]
+            if not seen:
                 break
+            best = seen[int(np.argmin(self.gaps(np.array(seen), low, high, side)))]
             if side is not None and not self.clearance:  # only nearer ones count from now on
                 (end if side[1] else start)[side[0]] = best[side[0]]
             X = None
@@ -679,8 +673,8 @@ class Growth:
         X = X[self.region.values(X) * self.sign < 0.0]
         if not len(X):
             return X
-        gap = np.linalg.norm(X - self.clipped(X, low, high, side), axis=1)
-        return self.between(X[np.argmin(gap)], low, high, side)[None]
+        nearest = X[np.argmin(self.gaps(X, low, high, side))]
+        return self.between(nearest, low, high, side)[None]
 
     def clipped(self, X: Array, low: Array, high: Array, side: tuple[int, int] | None) -> Array:
         """Return the points nearest to x (m, n) on the side from which a slab grows."""
@@ -691,17 +685,15 @@ class Growth:
         low[j] = high[j] = low[j] if s else high[j]
         return np.clip(X, low, high)
 
-    def gap(self, x: Array, low: Array, high: Array, side: tuple[int, int] | None) -> float:
-        """Return how far x (n,) is from that side."""
-        return float(np.linalg.norm(x - self.clipped(x[None], low, high, side)[0]))
+    def gaps(self, X: Array, low: Array, high: Array, side: tuple[int, int] | None) -> Array:
+        """Return how far x (m, n) are from that side."""
+        return np.asarray(np.linalg.norm(X - self.clipped(X, low, high, side), axis=1))
 
     def between(self, x: Array, low: Array, high: Array, side: tuple[int, int] | None) -> Array:
         """Return the root between x (n,), where the sign is another, and that side."""
         here, there = self.clipped(x[None], low, high, side)[0], x
         for _ in range(60):
             middle = 0.5 * (here + there)
-            if self.region.values(middle[None])[0] * self.sign < 0.0:
-                there = middle
-            else:
-                here = middle
+            other = self.region.values(middle[None])[0] * self.sign < 0.0
+            here, there = (here, middle) if other else (middle, there)
         return there

@@ -46,15 +46,15 @@ BARYCENTRIC = [
         ),
         (
             "(21) inertia of pairs, i < j", "mechanics/barycentric_formulation.py",
-            "np.outer(l_star[j], r_star[i])", "np.outer(r_star[i], l_star[j])",
+            "_about(l_star[j], r_star[i])", "_about(r_star[i], l_star[j])",
         ),
         (
             "(22) inertia of augmented bodies", "mechanics/barycentric_formulation.py",
-            "identity - np.outer(v[i, k], v[i, k])", "identity + np.outer(v[i, k], v[i, k])",
+            "sum(m[k] * _about(v[i, k], v[i, k])", "sum(-m[k] * _about(v[i, k], v[i, k])",
         ),
         (
             "(23) inertia of pairs, i > j", "mechanics/barycentric_formulation.py",
-            "r_star[j] @ l_star[i] * identity -", "r_star[j] @ l_star[i] * identity +",
+            "-M * _about(r_star[j], l_star[i])", "M * _about(r_star[j], l_star[i])",
         ),
         (
             "(27) attitude of Euler parameters", "mechanics/barycentric_formulation.py",
@@ -176,7 +176,7 @@ EQUATIONS = [
         )),
         ("measures", "equations/test_configurations singularities/test_distance", (
             ("distance to first order, compiled", "sigma * way / xp", "sigma * full / xp"),
-            ("distance: the null space counts", "row = _across(kept, row)", "row = 0.0 * row"),
+            ("distance: the null space counts", "kept.append(row * reciprocal", "kept.append(0.0 * row * reciprocal"),
         )),
         ("measures", "equations/test_configurations", (
             ("minors seen from the tip", "turned = xp.cross(M * r,", "turned = xp.cross(-M * r,"),
