@@ -333,18 +333,14 @@ def catch(
             )
             try:
                 one = request.attempt(t, name, look)
-            except ImpossibleError as error:
-                tried[t, name] = Candidate(t, name, False, str(error))
             except SpaceArmError as error:
                 tried[t, name] = Candidate(t, name, False, str(error))
-                again.append((t, name))
+                again += [(t, name)] * (not isinstance(error, ImpossibleError))
             else:
                 if not found:  # as long again, at most
                     ends = min(ends, 2.0 * time.monotonic() - begun + 1.0)
                 found.append(one)
-                proven = angle(one.distance_proven, down=True)
-                story = f"no singular posture nearer than {proven}, proven"
-                tried[t, name] = Candidate(t, name, True, story)
+                tried[t, name] = _told(one)
                 if one.distance_proven >= PROVEN:  # none is known to be better
                     ends = -math.inf
         waiting = again
@@ -359,7 +355,18 @@ def catch(
             tuple(tried.values()),
         )
     best = max(found, key=lambda one: one.distance_proven)
+    if best.distance_proven < PROVEN:  # of this one all that can be
+        ways = (best.plan, best.chase)
+        clear = [singular_set(best.arm).clearance(way, at_least=PROVEN).clearance for way in ways]
+        best = replace(best, distance_proven=max(best.distance_proven, min(clear)))
+        tried[best.t, best.grapple] = _told(best)
     return replace(best, tried=tuple(tried.values()))
+
+
+def _told(found: Catch) -> Candidate:
+    """Return what is told of a time and frame by which a catch was found."""
+    story = f"no singular posture nearer than {angle(found.distance_proven, down=True)}, proven"
+    return Candidate(found.t, found.grapple, True, story)
 
 
 @dataclass(frozen=True, eq=False)

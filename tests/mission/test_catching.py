@@ -59,6 +59,9 @@ def test_the_distance_proven_is_no_more_than_what_a_search_finds(caught):
     found = sa.singular_set(caught.arm)
     for q in caught.approach.q[:: len(caught.approach) // 8]:
         assert found.nearest(q).distance >= caught.distance_proven
+    ways = [found.clearance(w, at_least=np.radians(20)) for w in (caught.plan, caught.chase)]
+    wanted = min(way.clearance for way in ways)
+    assert caught.distance_proven == pytest.approx(wanted, rel=1e-6)  # all that can be
 
 
 @pytest.mark.slow
