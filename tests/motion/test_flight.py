@@ -129,6 +129,7 @@ def carried():
     )
 
 
+@pytest.mark.slow
 def test_a_flight_as_one_motion():
     flight = carried()
     motion, (first, held, last) = flight, flight.phases

@@ -366,6 +366,7 @@ def test_rates_jump_at_corners_and_ends_by_what_turns_the_tip(arm, tmp_path):
     np.testing.assert_array_equal(again.ddq, run.ddq)
 
 
+@pytest.mark.slow
 def test_a_path_with_times_starts_from_rest_without_a_jump(arm):
     run = sa.follow(arm.at([0.3, 1.2]), [(1.3, 1.25), (1.2, 1.1)], times=[4.0, 6.0])
     assert not run.jumps

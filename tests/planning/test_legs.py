@@ -59,6 +59,7 @@ def test_the_attitude_is_kept_by_way_of_other_goals():
     assert largest_turn(list(plan)) <= np.radians(0.2)
 
 
+@pytest.mark.slow
 def test_a_goal_on_the_way_that_cannot_be_reached_is_named(arm):
     with pytest.raises(sa.NoSolutionError, match=r"leg 2 of 3: .*out of reach|leg 2 of 3"):
         sa.plan(arm.at(Q0), GOAL, via=[VIA, (9.0, 0.0)], search=sa.Search(timeout=2.0))

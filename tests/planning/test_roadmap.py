@@ -56,7 +56,9 @@ def test_the_derivatives_of_contacts_and_ends_are_those_of_differences():
     assert at.d_margins[contacts] @ way == pytest.approx(slopes, rel=1e-3, abs=1e-3)
 
 
-@pytest.mark.parametrize("name", ["mda6", "chaser7", "planar3"])
+@pytest.mark.parametrize(
+    "name", ["mda6", pytest.param("chaser7", marks=pytest.mark.slow), "planar3"]
+)
 def test_guesses_lead_near_the_goal_clear_of_singularities_and_contacts(name):
     arm, rng = sa.load(name), np.random.default_rng(2)
     q = np.radians([0, 60, -100, -50, 30, 0, 20])[: arm.n]

@@ -37,8 +37,11 @@ def beside(arm, rng, m, deg):
     return Q + joint_scales(arm) * steps
 
 
+LARGE = ("two tips", "cubesat_xarm", "7 joints, some slide")
+
+
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow) if n == "two tips" else n for n in ARMS]
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n in LARGE else n for n in ARMS]
 )
 def test_distances_near_the_set_are_right_to_a_fifth(name):
     """Beside a singular configuration; the nearest one is found by a search."""

@@ -268,6 +268,7 @@ def test_the_range_of_the_distance_holds_that_of_the_arm(arm, about):
     assert less.high - less.low < found.high - found.low
 
 
+@pytest.mark.slow
 def test_the_range_begins_at_zero_where_one_of_the_arms_is_singular(arm):
     """The determinant changes its sign between two arms; the singular one between is named."""
     about = sa.uncertain(arm, {"link_1": {"mass": 0.1}, "link_2": {"mass": 0.1}})
