@@ -9,13 +9,11 @@ distance d to the set may fall no faster than
 what of dq leads faster towards the set is taken out; motions along it and away stay. Null spaces
 raise the distance. Then the rates are scaled so that rates, accelerations and the momentum that
 wheels take up keep their limits, and so that an arm that brakes from now on stays within its limits
-of position and beyond `stop`. A quarter of the accelerations is left to turn by: where what does
-all of the wish changes faster, by its own turning or that of J*, all is slowed until that suffices.
-A change of direction that the accelerations do not allow is mixed with braking instead, after a
-jump of the wish. Braking is always allowed by what held a tick before.
+of position and beyond `stop`. A change of direction that the accelerations do not allow is mixed
+with braking instead. Braking is always allowed by what held a tick before.
 
-The distance is that to singular postures that are followed from tick to tick: four, the nearest
-that are known, and three scouts that set out from the first-order estimate and at random, and take
+The distance is that to singular postures that are followed from tick to tick: three, the nearest
+that are known, and two scouts that set out from the first-order estimate and at random, and take
 the place of the farthest when they come to rest nearer. So each of them is found, and the nearest
 of all is no farther. All angles x count in radians of each joint; see `model.joints.joint_scales`.
 """
@@ -42,16 +40,15 @@ from spacearm.equations.measures import distance
 
 Frame = Literal["inertial", "spacecraft", "tip"]
 """Axes in which the twist is given."""
-KEPT, SCOUTS = 4, 3
+KEPT, SCOUTS = 3, 2
 """Singular postures that are followed, and those that look for nearer ones."""
 SLOTS = KEPT + SCOUTS
 PATIENCE, SEARCH = 12, 60
 """Ticks until a scout sets out again, and until motion begins after nothing was known."""
-ON, OFF, AT_REST, APART, STRIDE = 0.01, 0.1, 0.05, 0.05, 0.4
+ON, OFF, AT_REST, APART, STRIDE, ALONG = 0.01, 0.1, 0.05, 0.05, 0.4, 0.7
 """Residual up to which a scout is on the set, beyond which a posture that is followed has lost it,
-step below which a scout is at rest, distance below which two are one, longest step [rad]."""
-WEIGHT, SHORTEST = 20.0, 0.01
-"""What a radian from the set counts; share of a step that is taken in any case."""
+step below which a scout is at rest, distance below which two are one, longest step [rad]; share of
+the way along the set that each tick takes."""
 BEYOND, WITHIN = 1.2, 1.5
 """Scouts set out within this times the distance, and no farther than that [rad]."""
 EDGE, MARGIN = 0.02, 0.01
@@ -59,7 +56,7 @@ EDGE, MARGIN = 0.02, 0.01
 OUTWARD = 0.1
 """Share of the rates that leads out within that edge."""
 TURNING = 0.25
-"""Share of the accelerations that is left to turn by."""
+"""Share of the accelerations that is left to turn by, and taken up by what the wish changes."""
 NO_INVERSE = 1e-9
 """Share of the norm of J* up to which its least singular value is zero."""
 DAMPING = 1e-5
@@ -134,9 +131,6 @@ class Memory(NamedTuple):
         q: (n,) the last joint positions [rad] or [m].
         dt: The last time of a tick [s].
         points: (SLOTS, n) singular postures that are followed, and scouts, in radians.
-        ways: (SLOTS, n) where each goes: to the nearest point of the set linearised there.
-        strides: (SLOTS,) share of that way that is tried next.
-        residuals: (SLOTS,) how far each is from the set [rad].
         ages: (SLOTS,) ticks since each set out; of those that are followed 0.
         count: Ticks since the search began; negative where nothing is known.
     """
@@ -146,9 +140,6 @@ class Memory(NamedTuple):
     q: Any
     dt: Any
     points: Any
-    ways: Any
-    strides: Any
-    residuals: Any
     ages: Any
     count: Any
 
@@ -181,13 +172,19 @@ class Tick(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """A posture on its way along the set: as in `Memory`, and its offset from the arm's posture."""
+    """A posture on its way along the set.
+
+    Attributes:
+        point: (n,) where it goes [rad].
+        offset: (n,) of the nearest point of the set linearised there, from the arm's posture.
+        far: Residual: its own distance from the set.
+        way: Length of the step that it would take.
+    """
 
     point: Any
-    way: Any
-    stride: Any
-    far: Any
     offset: Any
+    far: Any
+    way: Any
 
 
 def shapes(kind: Any, n: int, tips: int) -> dict[str, tuple[int, ...]]:
@@ -196,8 +193,7 @@ def shapes(kind: Any, n: int, tips: int) -> dict[str, tuple[int, ...]]:
                "closing", "done", "halt")  # fmt: skip
     known: dict[str, tuple[int, ...]] = dict.fromkeys(numbers, ())
     known |= {"quaternion": (4,), "momentum": (6,), "twist": (6 * tips,), "lost": (6 * tips,)}
-    known |= dict.fromkeys(("points", "ways"), (SLOTS, n)) | {"shares": (len(CAUSES),)}
-    known |= dict.fromkeys(("strides", "residuals", "ages"), (SLOTS,))
+    known |= {"points": (SLOTS, n), "ages": (SLOTS,), "shares": (len(CAUSES),)}
     return {name: known.get(name, (n,)) for name in kind._fields}
 
 
@@ -234,17 +230,10 @@ def flat_step(
     return packed((*tick, *memory), xp)
 
 
-def unknowing(n: int, q: Any, points: Any = ()) -> Memory:
-    """Return the memory of a servo at rest at q (n,) that knows singular points (m, n), m <= KEPT.
-
-    They are in radians. Without any the servo searches before it moves.
-    """
-    zero, every, m = np.zeros(n), np.zeros((SLOTS, n)), len(points)
-    ages, count = np.full(SLOTS, 1.0 + PATIENCE), -1.0
-    if m:
-        every[:m], ages[:m], count = points, 0.0, float(SEARCH)
-    ones = np.ones(SLOTS)
-    return Memory(zero, zero, q, 0.0, every, 0.0 * every, ones, LARGEST * ones, ages, count)
+def unknowing(n: int, q: Any) -> Memory:
+    """Return the memory of a servo at rest at q (n,) that knows no singular posture."""
+    zero = np.zeros(n)
+    return Memory(zero, zero, q, 0.0, np.zeros((SLOTS, n)), np.full(SLOTS, 1.0 + PATIENCE), -1.0)
 
 
 def step(
@@ -297,7 +286,7 @@ def step(
     fresh = xp.logical_or(jumps, xp.logical_not(began))
     count = xp.where(fresh, 0.0, memory.count + 1.0)
     follow = _follower(xp, tree, p, x, limits.fading, radians)
-    known, after = _follow(xp, follow, x, estimate, memory, fresh, count, limits.stop)
+    known, points, ages = _follow(xp, follow, x, estimate, memory, fresh, count, limits.stop)
     searching = count < SEARCH
     halt = xp.where(halt > 0.0, halt, xp.where(jumps, 6.0, xp.where(searching, 7.0, 0.0)))
 
@@ -336,105 +325,78 @@ def step(
         radians * rates, far, radians * (x + offset), radians * away, lost, -(away @ rates), done,
         xp.stack(told), halt,
     )  # fmt: skip
-    return tick_, after._replace(rates=tick_.rates, wished=radians * y, q=q, dt=tick)
+    return tick_, Memory(tick_.rates, radians * y, q, tick, points, ages, count)
 
 
 def _follower(xp: Any, tree: Structure, p: Parameters, x: Any, fading: Any, radians: Any) -> Any:
-    """Return a function that takes a posture a step along the set, towards x (n,).
+    """Return a function that takes a posture (n,) a step along the set, towards x (n,)."""
 
-    A step that does not lower the distance from x and `WEIGHT` times that from the set is tried
-    anew at the next tick, shorter.
-    """
-
-    def follow(base: Any, way: Any, stride: Any, residual: Any) -> tuple[Any, ...]:
-        size = _norm(xp, way)
-        point = base + stride * _at_most(xp, size, STRIDE) * way
+    def follow(point: Any) -> tuple[Any, Any, Any, Any]:
         far, _, rows = distance(xp, tree, p, radians * point, fading, radians)
         X = point - x
-        first = xp.where(far < np.inf, far, 0.0) * np.eye(len(rows))[0]
-        offset = (rows @ X - first) @ rows
-        onward = offset - X
-        merit, before = _norm(xp, X) + WEIGHT * far, _distance(xp, base, x) + WEIGHT * residual
-        sound = xp.logical_and(far < LARGEST, _norm(xp, onward) < LARGEST)
-        better = xp.logical_or(merit <= before, stride <= SHORTEST)
-        better = xp.logical_and(better, sound)
+        along, first = rows @ X, xp.where(far < np.inf, far, 0.0) * np.eye(len(rows))[0]
+        offset = (along - first) @ rows
+        onto, aside = -first @ rows, along @ rows - X
+        way = onto + ALONG * aside
+        size = _norm(xp, way)
+        short = xp.where(size > STRIDE, STRIDE / xp.where(size > 0.0, size, 1.0), 1.0)
+        there = xp.logical_and(far < LARGEST, size < LARGEST)
         return (
-            xp.where(better, point, base), xp.where(better, onward, way),
-            xp.where(better, xp.minimum(2.0 * stride, 1.0), 0.25 * stride),
-            xp.where(better, far, residual), xp.where(better, offset, base - x),
+            xp.where(there, point + short * way, np.inf), offset, xp.where(there, far, np.inf),
+            _norm(xp, offset - X),
         )  # fmt: skip
 
     called = xp.procedure(follow)
-    return lambda *begun: Followed(*called(*begun))
+    return lambda point: Followed(*called(point))
 
 
 def _follow(
     xp: Any, follow: Any, x: Any, estimate: Any, memory: Memory, fresh: Any, count: Any, stop: Any
-) -> tuple[list[Followed], Memory]:
-    """Take a step with all postures that are followed; scouts set out, or take a place.
-
-    Returns:
-        Those that are followed, `far` their distance, and the memory of all.
-    """
-    found = [
-        follow(memory.points[i], memory.ways[i], memory.strides[i], memory.residuals[i])
-        for i in range(SLOTS)
-    ]
+) -> tuple[list[Followed], Any, Any]:
+    """Take a step with all postures that are followed; scouts set out, or take a place."""
+    found = [follow(memory.points[i]) for i in range(SLOTS)]
     ages = [xp.where(fresh, 1.0 + PATIENCE, memory.ages[i]) for i in range(SLOTS)]
     sizes = [_size(xp, found[i], ages[i], OFF if i < KEPT else ON) for i in range(SLOTS)]
+    kept = list(found[:KEPT])
     for i in range(KEPT):  # two that have become one
-        for j in range(i):
-            same = _distance(xp, found[i].point, found[j].point) < APART
-            sizes[i] = xp.where(same, np.inf, sizes[i])
+        same = [_distance(xp, kept[i].point, kept[j].point) < APART for j in range(i)]
+        for one in same:
+            sizes[i] = xp.where(one, np.inf, sizes[i])
     nearest = _extreme(xp.minimum, sizes[:KEPT])
     wide = xp.minimum(BEYOND * xp.maximum(nearest, stop), WITHIN)
     hint = x - xp.where(estimate[0] < WITHIN, estimate[0], WITHIN) * estimate[2][0]
     spread = np.array([_root(len(x)) ** -(j + 1.0) for j in range(len(x))]) * count
-    starts = [
-        x + wide * sqrt(3.0 / len(x)) * (2.0 * (part - xp.floor(part)) - 1.0)
-        for part in (spread + i / SCOUTS for i in range(SCOUTS))
-    ]
-    half = 0.5 * count
-    starts[0] = xp.where(half - xp.floor(half) < 0.25, hint, starts[0])
-    one = 1.0 + 0.0 * stop
-    for i, start in zip(range(KEPT, SLOTS), starts, strict=True):
+    chance = x + wide * sqrt(3.0 / len(x)) * (2.0 * (spread - xp.floor(spread)) - 1.0)
+    points = [one.point for one in found]
+    for i, start in zip(range(KEPT, SLOTS), (hint, chance), strict=True):
         scout = found[i]
-        new = sizes[i] < np.inf
+        apart = sizes[i] < np.inf
         for j in range(KEPT):
-            other = _distance(xp, scout.point, found[j].point) > APART
-            new = xp.logical_and(new, xp.logical_or(other, xp.logical_not(sizes[j] < np.inf)))
-        rests = xp.logical_and(sizes[i] < np.inf, _norm(xp, scout.way) < AT_REST)
+            other = _distance(xp, scout.point, points[j]) > APART
+            apart = xp.logical_and(apart, xp.logical_or(other, xp.logical_not(sizes[j] < np.inf)))
+        rests = xp.logical_and(apart, scout.way < AT_REST)
         worst, place = sizes[0], 0.0 * stop
         for j in range(1, KEPT):
             farther = sizes[j] > worst
             worst, place = xp.where(farther, sizes[j], worst), xp.where(farther, 1.0 * j, place)
-        takes = xp.logical_and(xp.logical_and(rests, new), sizes[i] < worst)
+        takes = xp.logical_and(rests, sizes[i] < worst)
         for j in range(KEPT):
             mine = xp.logical_and(takes, xp.absolute(place - j) < 0.5)
-            found[j] = _either(xp, mine, scout, found[j])
+            points[j] = xp.where(mine, scout.point, points[j])
+            kept[j] = Followed(*(xp.where(mine, a, b) for a, b in zip(scout, kept[j], strict=True)))
             sizes[j], ages[j] = xp.where(mine, sizes[i], sizes[j]), xp.where(mine, 0.0, ages[j])
-        goes = xp.logical_and(ages[i] < PATIENCE, xp.logical_not(rests))
-        begins = Followed(start, 0.0 * x, one, LARGEST * one, 0.0 * x)
-        found[i] = _either(xp, goes, scout, begins)
+        on_the_way = xp.logical_and(ages[i] < PATIENCE, scout.far < np.inf)
+        goes = xp.logical_and(on_the_way, xp.logical_not(takes))
+        points[i] = xp.where(goes, scout.point, start)
         ages[i] = xp.where(goes, ages[i] + 1.0, 0.0)
     known = []
     for j in range(KEPT):
         there = sizes[j] < np.inf
-        offset = xp.where(there, found[j].offset, 0.0)
-        known.append(found[j]._replace(offset=offset, far=xp.where(there, sizes[j], np.inf)))
+        offset = xp.where(there, kept[j].offset, 0.0)
+        known.append(kept[j]._replace(offset=offset, far=xp.where(there, sizes[j], np.inf)))
         ages[j] = xp.where(there, 0.0, 1.0 + PATIENCE)
-    points, ways, strides, residuals = (
-        xp.stack(list(part)) for part in [*zip(*found, strict=True)][:4]
-    )
-    return known, memory._replace(
-        points=points, ways=ways, strides=strides, residuals=residuals, ages=xp.stack(ages),
-        count=count,
-    )  # fmt: skip
-
-
-def _either(xp: Any, mask: Any, one: Followed, other: Followed) -> Followed:
-    """Return one where the mask holds, else the other."""
-    return Followed(*(xp.where(mask, a, b) for a, b in zip(one, other, strict=True)))
+        points[j] = xp.where(kept[j].far < np.inf, points[j], x)
+    return known, xp.stack(points), xp.stack(ages)
 
 
 def _size(xp: Any, one: Followed, age: Any, residual: float) -> Any:

@@ -283,10 +283,12 @@ class Servo:
             raise ConfigurationError(
                 f"the posture is of {cfg.arm.name}, the servo of {self.arm.name}"
             )
-        unit = joint_scales(self.arm)
+        unit, n = joint_scales(self.arm), self.arm.n
         search = NearestSearch(self.arm, self.mode, cfg.q[None])
-        found = search.ends()[: ticks.KEPT]
-        self.memory = ticks.unknowing(self.arm.n, cfg.q, cfg.q / unit + found)
+        points, found = np.zeros((ticks.SLOTS, n)), search.ends()[: ticks.KEPT]
+        ages = np.full(ticks.SLOTS, 1.0 + ticks.PATIENCE)
+        points[: len(found)], ages[: len(found)] = cfg.q / unit + found, 0.0
+        self.memory = Memory(np.zeros(n), np.zeros(n), cfg.q, 0.0, points, ages, float(ticks.SEARCH))
         self._anchor, self._radius = cfg.q / unit, 0.0
         if prove and len(found):
             proven = singular_set(self.arm, mode=self.mode).nearest(cfg.q).distance_proven
