@@ -164,7 +164,8 @@ def archives(tmp_path_factory):
     first, again = tmp_path_factory.mktemp("first"), tmp_path_factory.mktemp("again")
     python(sys.executable, "-m", "hatchling", "build", "-d", first, cwd=ROOT)
     with tarfile.open(next(first.glob("*.tar.gz"))) as sdist:
-        sdist.extractall(again, filter="data")
+        safely = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}
+        sdist.extractall(again, **safely)
     (tree,) = again.iterdir()
     for path in tree.rglob("*"):
         os.utime(path, (1e9, 1e9))

@@ -288,7 +288,9 @@ class Servo:
         points, found = np.zeros((ticks.SLOTS, n)), search.ends()[: ticks.KEPT]
         ages = np.full(ticks.SLOTS, 1.0 + ticks.PATIENCE)
         points[: len(found)], ages[: len(found)] = cfg.q / unit + found, 0.0
-        self.memory = Memory(np.zeros(n), np.zeros(n), cfg.q, 0.0, points, ages, float(ticks.SEARCH))
+        self.memory = Memory(
+            np.zeros(n), np.zeros(n), cfg.q, 0.0, points, ages, float(ticks.SEARCH)
+        )
         self._anchor, self._radius = cfg.q / unit, 0.0
         if prove and len(found):
             proven = singular_set(self.arm, mode=self.mode).nearest(cfg.q).distance_proven

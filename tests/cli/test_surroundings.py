@@ -204,11 +204,13 @@ def test_a_plan_that_was_stopped_is_saved_as_far_as_it_came(tmp_path, monkeypatc
 
 @pytest.mark.slow
 def test_a_run_that_was_stopped_says_how_far_it_came(tmp_path, monkeypatch):
+    simulate = sa.simulate
+
     def interrupted(*_, **options):
         def tell(*_):
             raise KeyboardInterrupt
 
-        return sa.simulate(*_, **(options | {"progress": tell}))
+        return simulate(*_, **(options | {"progress": tell}))
 
     monkeypatch.setattr("spacearm.simulate", interrupted)
     words = (0.3, 0.9, "--target", 0.3, 0.8, "--controller", "JointPD", "--duration", 50)

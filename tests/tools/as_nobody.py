@@ -18,7 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARE = (
-    "tests/cli/test_mounting.py", "tests/collisions/test_obstacles.py",
+    "tests/cli/test_mounting.py", "tests/closure", "tests/collisions/test_obstacles.py",
     "tests/compiler/test_angles.py", "tests/description/test_urdf.py",
     "tests/equations/test_singular_values.py", "tests/export/test_robot_files.py",
     "tests/mechanics/test_momentum.py",
