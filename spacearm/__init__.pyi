@@ -60,7 +60,7 @@ from spacearm.mission.attitudes import FeasibleAttitudes as FeasibleAttitudes
 from spacearm.mission.attitudes import feasible_attitudes as feasible_attitudes
 from spacearm.mission.budget import MomentumBudget as MomentumBudget
 from spacearm.mission.budget import momentum_budget as momentum_budget
-from spacearm.mission.catching import Catch as Catch
+from spacearm.mission.catch_report import Catch as Catch
 from spacearm.mission.catching import catch as catch
 from spacearm.mission.dispersions import CaptureEnvelope as CaptureEnvelope
 from spacearm.mission.dispersions import CatchRuns as CatchRuns

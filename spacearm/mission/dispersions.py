@@ -15,7 +15,7 @@ from spacearm.arrays import Array, Parameters, finite, generator, plain, positiv
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.dynamics import generalized_velocity, spacecraft_twist
 from spacearm.mechanics.target import Target
-from spacearm.mission.catching import Catch, grasp_of
+from spacearm.mission.catch_report import Catch, grasp_of
 from spacearm.model.arm import Configuration
 from spacearm.motion.controllers import Tracking
 from spacearm.motion.motion import Motion

@@ -10,7 +10,7 @@ from matplotlib.patches import Wedge
 from spacearm.errors import ConfigurationError
 from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.mission.budget import MomentumBudget
-from spacearm.mission.catching import Catch
+from spacearm.mission.catch_report import Catch
 from spacearm.mission.dispersions import MISSES, CatchRuns
 from spacearm.mission.level import LevelEnvelope, LevelReach
 from spacearm.mission.reactions import PERCENTILES, Reaction, WheelSizing

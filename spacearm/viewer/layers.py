@@ -19,7 +19,7 @@ from spacearm.description.bodies import Inertial
 from spacearm.description.shapes import faces
 from spacearm.mission.attitude_search import ENDS
 from spacearm.mission.attitudes import FeasibleAttitudes
-from spacearm.mission.catching import Catch
+from spacearm.mission.catch_report import Catch
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.singularities.risk import RiskProfile

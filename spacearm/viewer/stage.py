@@ -14,7 +14,7 @@ from meshcat.animation import AnimationClip
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import SpaceArmError
-from spacearm.mission.catching import Catch
+from spacearm.mission.catch_report import Catch
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion

@@ -22,7 +22,7 @@ from spacearm.collisions.obstacles import ObstacleLike, obstacles_of
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.files import name_part, write_by
 from spacearm.mission.attitudes import FeasibleAttitudes
-from spacearm.mission.catching import Catch
+from spacearm.mission.catch_report import Catch
 from spacearm.model.arm import Configuration
 from spacearm.motion.flights import Flight
 from spacearm.motion.motion import Motion

@@ -6,7 +6,7 @@ import pytest
 
 import spacearm as sa
 from spacearm.mission.braking import braked
-from spacearm.mission.catching import grasp_of
+from spacearm.mission.catch_report import grasp_of
 
 START = np.array([0.0, 0.6, 0.0, 1.2, 0.0, 0.8, 0.0])
 RING = sa.pose((0, 0, -0.45))

@@ -1,0 +1,356 @@
+"""Approach: the motion by which the tip comes to a grapple frame and moves as it does.
+
+The tip is led to a stand-off on the axis of the frame, which tumbles with its target, takes up its
+motion there and closes in along the axis. At contact it has the pose of the frame and, as
+J* dq = v, its twist.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array, finite, positive, shape_of
+from spacearm.collisions.obstacles import Obstacle, obstacles_of
+from spacearm.collisions.separation import collision_check
+from spacearm.errors import (
+    ConfigurationError,
+    ImpossibleError,
+    NoSolutionError,
+    UnsupportedError,
+    unknown,
+)
+from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.dynamics import generalized_velocity
+from spacearm.mechanics.floating import STEP, move, walk
+from spacearm.mechanics.jacobian import generalized_jacobian
+from spacearm.mechanics.target import Target
+from spacearm.mission.braking import braked, largest_torques, outside
+from spacearm.mission.catch_report import Catch, grasp_of, in_hand, joined
+from spacearm.model.arm import Configuration
+from spacearm.motion.following import follow
+from spacearm.motion.goal import out_of_reach, twist_between
+from spacearm.motion.motion import Motion, samples
+from spacearm.planning.planner import plan
+from spacearm.planning.problem import Problem
+from spacearm.planning.request import Constraints, Joints, PlanRequest, Search
+from spacearm.planning.result import Plan
+from spacearm.planning.strategies.at_rest import by_methods
+from spacearm.planning.strategies.drift import ramp_ends, stretched
+from spacearm.planning.timing import PEAK, eased
+from spacearm.singularities.sets import singular_set
+
+NODES = 400
+"""Poses through which the tip is led while it takes up the target's motion, and closing in."""
+PROVEN, MOST = math.radians(20.0), 0.7
+"""Distance to the singular set that is proven at most [rad], also as a share of that to first
+order."""
+COARSE, POSTURES, POSTURES_IN = 10, 8, 30.0
+"""The same of an approach that is rehearsed, from so many postures at most, and the time in which
+these are sought, at most [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """What is asked for, checked; see `catch`, and the search for a way to a contact."""
+
+    start: Configuration
+    target: Target
+    grapples: tuple[str, ...]
+    window: tuple[float, float]
+    approach: float
+    closing: float
+    touching: tuple[str, ...]
+    bears: Array
+    constraints: Constraints
+
+    @classmethod
+    def of(
+        cls,
+        start: Configuration,
+        target: Target,
+        grapple: str | None,
+        window: Sequence[float],
+        approach: float,
+        closing: float,
+        touching: Sequence[str] | None,
+        bears: Sequence[float],
+        constraints: Constraints,
+    ) -> Approach:
+        """Check what was given."""
+        arm = start.arm
+        if start.momentum.any() or start.wheels.any():
+            raise UnsupportedError(
+                "the start has momentum on board, and catches begin at zero momentum; "
+                "sa.detumble brings the spacecraft to rest before"
+            )
+        if len(arm.tips) > 1 or arm.task.k < 6:
+            raise UnsupportedError(
+                f"{arm.name} has the task {arm.task.names!r} of {len(arm.tips)} tip(s); a target "
+                "is caught by the pose of one: sa.load(..., task='pose')"
+            )
+        if not target.grapples:
+            raise ConfigurationError(
+                f"{target.name} has no grapple frame; give sa.Target(..., grapples={{name: pose}})"
+            )
+        if grapple is not None and grapple not in target.grapples:
+            raise ConfigurationError(unknown(f"grapple of {target.name}", grapple, target.grapples))
+        early, late = finite(window, (2,), "window", "[s], the earliest and the latest contact")
+        if not 0.0 <= early <= late:
+            raise ConfigurationError(f"window is {window!r}; give two growing times from 0 s on")
+        most = shape_of(bears) == (2,) and np.asarray(bears, dtype=np.float64)
+        if most is False or not (most > 0.0).all():
+            raise ConfigurationError(f"bears is {bears!r}; give a force [N] and a moment [N m] > 0")
+        if touching is None:
+            touching = arm.tree.lumps[arm.tree.body_of[arm.tip]]
+        for link in touching:
+            if link not in arm.tree.links:
+                raise ConfigurationError(unknown(f"link of {arm.name}", link, arm.tree.links))
+        return cls(
+            start, target, tuple(target.grapples) if grapple is None else (grapple,),
+            (float(early), float(late)), positive(approach, "approach", "distance [m]"),
+            positive(closing, "closing", "speed [m/s]"), tuple(touching),
+            np.array(most), constraints,
+        )  # fmt: skip
+
+    @property
+    def efforts(self) -> Array:
+        """Largest torques (n,) of the joints [N m] or [N]."""
+        arm = self.start.arm
+        return np.array([arm.tree.joints[name].effort for name in arm.joint_names])
+
+    @property
+    def duration(self) -> tuple[float, float]:
+        """How long the tip takes up the target's motion, and how long it closes in [s]."""
+        close = self.approach / self.closing
+        return close, close
+
+    def candidates(self) -> list[tuple[float, str]]:
+        """Return times and grapple frames: those in reach first, whose open side faces the arm."""
+        early, late = self.window
+        early = max(early, sum(self.duration) + 1.0)
+        times = np.linspace(early, late, 13) if late > early else np.array([late])
+        near = []
+        for t in times if late >= early else ():
+            for name in self.grapples:
+                pose = self.target.at(float(t), name).pose
+                off = float(np.linalg.norm(pose.translation - self.start.com))
+                blocked = pose.act(np.array([0.0, 0.0, -1.0])) - pose.translation
+                facing = blocked @ (self.start.com - pose.translation) / max(off, 1e-9)
+                near.append((bool(out_of_reach(self.start, pose)), -facing, float(t), name))
+        return [(t, name) for _, _, t, name in sorted(near)]
+
+    def path(
+        self, t: float, grapple: str, first: pin.SE3 | None = None, nodes: int = NODES
+    ) -> tuple[list[pin.SE3], Array]:
+        """Return the poses of the tip from the stand-off to contact at t, and their times [s].
+
+        The first is where the tip rests, at the stand-off if None; the tip then takes up the motion
+        of the stand-off, and closes in. All rates begin and end at zero relative to both.
+        """
+        join, close = self.duration
+        clock = np.linspace(0.0, join + close, 2 * nodes + 1)
+        begin = t - clock[-1]
+        joined = eased(np.clip(clock / join, 0.0, 1.0))
+        away = self.approach * (1.0 - eased(np.clip((clock - join) / close, 0.0, 1.0)))
+        frames = [self.target.at(begin + float(s), grapple).pose for s in clock]
+        frames = [
+            pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, -d]))
+            for pose, d in zip(frames, away, strict=True)
+        ]
+        first = frames[0] if first is None else first
+        return [_between(first, pose, b) for pose, b in zip(frames, joined, strict=True)], clock
+
+    def attempt(self, t: float, grapple: str, search: Search) -> Catch:
+        """Return the catch at a time by a grapple frame.
+
+        Raises:
+            SpaceArmError: There is none, or none was found.
+        """
+        poses, clock = self.path(t, grapple, nodes=1)
+        if why := out_of_reach(self.start, poses[-1]):
+            raise ImpossibleError(why)
+        stands, failed = t - float(clock[-1]), NoSolutionError("no time was left")
+        ends = time.monotonic() + search.timeout
+        for goal in self._ends(t, grapple, poses[0], search):
+            if (left := ends - time.monotonic()) <= 0.0:
+                break
+            try:
+                reach = self._reach(goal, stands, replace(search, timeout=left))
+                return self._caught(t, grapple, reach)
+            except NoSolutionError as error:
+                failed = error
+        raise failed
+
+    def _ends(
+        self, t: float, grapple: str, stand: pin.SE3, search: Search
+    ) -> Iterator[pin.SE3 | Joints]:
+        """Yield goals at the stand-off from which the tip can be led to contact, then its pose.
+
+        The first are postures where straight joint motions end, those from which the approach
+        takes the least of the joints' rates before others.
+        """
+        start, rates = self.start, self.constraints.joint_rates(self.start.arm)
+        request = self._planned(stand, replace(search, timeout=POSTURES_IN))
+        room = rates * (t - sum(self.duration)) / PEAK
+        rng = np.random.default_rng((search.seed, int(1e3 * t)))
+        target = Problem.of(request).target
+        found = ramp_ends(start, target, np.eye(3), room, rng, request.account)
+        known = [(self._rehearsed(t, grapple, move(start, q)), q) for q in found[:POSTURES]]
+        for share, q in sorted(known, key=lambda one: one[0]):
+            if share <= 1.0:
+                yield Joints(q)
+        yield stand
+
+    def _rehearsed(self, t: float, grapple: str, stand: Configuration) -> float:
+        """Return the largest share of their rates that joints take on the approach, in few steps.
+
+        It is infinite if joint limits or the target are in the way.
+        """
+        poses, clock = self.path(t, grapple, stand.tip, COARSE)
+        arm, most = self.start.arm, self.constraints.joint_rates(self.start.arm)
+        rows, share = [stand], 0.0
+        for pose in poses[1:]:
+            here = rows[-1]
+            dq = np.linalg.pinv(generalized_jacobian(here)) @ twist_between(here.tip, pose)
+            share = max(share, float((np.abs(dq) / most).max() / clock[1]))
+            if share > 1.0 or (self.constraints.limits and outside(arm, here.q + dq)):
+                return math.inf
+            rows.append(move(here, here.q + dq))
+        way = Motion(arm, clock, **samples(rows))
+        around = self._as_obstacle(t - float(clock[-1]))
+        met = self.constraints.collisions and collision_check(way, obstacles=around).contact
+        return math.inf if met else share
+
+    def _caught(self, t: float, grapple: str, reach: Plan) -> Catch:
+        """Return the catch at a time by a grapple frame, from a plan to about the stand-off.
+
+        Raises:
+            SpaceArmError: It keeps not all constraints.
+        """
+        target = self.target
+        poses, clock = self.path(t, grapple, reach[-1].tip)
+        begin = t - float(clock[-1] + reach.t[-1])
+        chase = follow(
+            reach[-1], poses[1:], times=clock[1:], at_rest=False, limits=self.constraints.limits
+        )
+        if not chase.arrived:
+            raise NoSolutionError(f"on the way from the stand-off: {chase.reason}")
+        most = self.constraints.joint_rates(self.start.arm)
+        self._check_loads("rate", np.abs(chase.dq).max(axis=0), most)
+        end, frame = chase[-1], target.at(t, grapple)
+        v = generalized_velocity(end, chase.dq[-1])
+        stack = end.arm.grasp(**in_hand(target, t, end.tip)).at(end.q, base=end.base)
+        held = stack.with_momentum(stack.A @ v)
+        try:
+            brake = braked(
+                held, chase.dq[-1], grasp_of(target, t, end.tip), self.constraints.limits,
+                self.efforts, self.bears,
+            )  # fmt: skip
+        except NoSolutionError as error:
+            raise NoSolutionError(f"with {target.name} in the hand, {error}") from None
+        torque = np.maximum(
+            largest_torques(chase, chase.dq, chase.ddq, np.zeros(6)),
+            np.abs(brake.torque).max(axis=0),
+        )
+        self._check_loads("torque", torque, self.efforts)
+        self._check_contacts(joined(begin, reach, chase))
+        proven = _proven(reach, chase)
+        off = end.tip.actInv(frame.pose)
+        return Catch(
+            target=target,
+            grapple=grapple,
+            t=t,
+            begin=begin,
+            plan=reach,
+            chase=chase,
+            brake=brake,
+            distance_proven=proven,
+            place_error=float(np.linalg.norm(off.translation)),
+            turn_error=float(np.linalg.norm(pin.log3(off.rotation))),
+            twist_error=end.J @ v - frame.twist,
+            torque=torque,
+            momentum=held.momentum,
+            tried=(),
+        )
+
+    def _planned(self, goal: pin.SE3 | Joints, search: Search) -> PlanRequest:
+        """Return what is asked of a plan to the stand-off."""
+        start, constraints = self.start, self.constraints
+        return PlanRequest.of(start, goal, "spacecraft", constraints, search, (), None, None)
+
+    def _straight(self, goal: Joints, t: float, search: Search) -> Plan:
+        """Return the plan of a straight joint motion, no faster than the approach if t allows."""
+        start, way = self.start, np.asarray(goal.q) - self.start.q
+        u = np.linspace(0.0, 1.0, 1 + max(1, math.ceil(np.abs(way).max() / STEP)))
+        rows = walk(start, start.q + u[:, None] * way)
+        request, lasts = self._planned(goal, search), min(t, self.duration[0])
+        found = by_methods(Problem.of(request), {"straight": lambda _: rows})
+        return stretched(found, lasts, request.account) if found.t[-1] < lasts else found
+
+    def _reach(self, goal: pin.SE3 | Joints, t: float, search: Search) -> Plan:
+        """Return the plan to the stand-off, until a time; it minds the target if it has to."""
+        straight = isinstance(goal, Joints)
+        if straight:
+            reach = self._straight(goal, t, search)
+        else:
+            reach = plan(self.start, goal, constraints=self.constraints, search=search)
+        if (late := float(reach.t[-1]) - t) > 0.0:
+            raise NoSolutionError(f"the way to the stand-off takes {late:.3g} s too long")
+        duration = min(t, 1.5 * float(reach.t[-1]))
+        around = self._as_obstacle(t - float(reach.t[-1]))
+        if not self.constraints.collisions or not collision_check(reach, obstacles=around).contact:
+            return reach
+        if straight:
+            raise NoSolutionError("the straight way to the stand-off meets the target")
+        kept = obstacles_of(self.constraints.obstacles, self.start.arm)
+        among = replace(self.constraints, obstacles=(*kept, self._as_obstacle(t - duration)))
+        return plan(self.start, goal, duration=duration, constraints=among, search=search)
+
+    def _as_obstacle(self, begin: float) -> Obstacle:
+        """Return the target as what must not be met by a motion that begins at a time."""
+        return Obstacle.of_target(self.target, begin=begin, may_touch=self.touching)
+
+    def _check_loads(self, what: str, loads: Array, most: Array) -> None:
+        """Refuse what is more than joints can, (n,) each."""
+        excess = loads / most
+        j = int(excess.argmax())
+        if excess[j] > 1.0:
+            name = self.start.arm.joint_names[j]
+            raise NoSolutionError(f"joint {name!r} would need {excess[j]:.3g} times its {what}")
+
+    def _check_contacts(self, motion: Motion) -> None:
+        if not self.constraints.collisions:
+            return
+        contact = collision_check(motion, obstacles=self._as_obstacle(0.0)).contact
+        if contact is not None:
+            raise NoSolutionError(f"{' and '.join(contact.links)} meet after {contact.t:.4g} s")
+
+
+def _between(a: pin.SE3, b: pin.SE3, s: float) -> pin.SE3:
+    """Return a pose between two: the straight line of its origin, the shortest turn."""
+    R = a.rotation @ pin.exp3(s * pin.log3(a.rotation.T @ b.rotation))
+    return pin.SE3(R, (1.0 - s) * a.translation + s * b.translation)
+
+
+def _proven(*motions: Motion) -> float:
+    """Return the distance [rad] of motions within which no posture is singular, proven.
+
+    More than most of what it is to first order is not asked of the proof, which is short then.
+
+    Raises:
+        NoSolutionError: It is not proven that they meet no singularity.
+    """
+    arm, least = motions[0].arm, PROVEN
+    for motion in motions:
+        about = evaluate(arm, motion.q, ("distance",))["distance"].min()
+        least = min(least, float(MOST * about))
+        least = min(least, singular_set(arm).clearance(motion, at_least=least).clearance)
+        if least <= 0.0:
+            raise NoSolutionError("it is not proven that the way meets no singularity")
+    return least

@@ -1,0 +1,240 @@
+"""Report of a catch: the motion until contact and the braking after it, with their margins."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array, plain
+from spacearm.mechanics.dynamics import spacecraft_twist
+from spacearm.mechanics.target import Target
+from spacearm.mission.braking import Braking
+from spacearm.model.arm import SpaceArm
+from spacearm.motion.controllers import Tracking
+from spacearm.motion.flights import Flight, Grasp, Phase, simulate_phases
+from spacearm.motion.following import Followed
+from spacearm.motion.motion import Motion
+from spacearm.motion.plant import Integration, Plant
+from spacearm.planning.result import Plan
+from spacearm.results import Cell, Column, Description, Measure, Result, Table
+from spacearm.singularities.nearest import angle
+
+
+class Candidate(NamedTuple):
+    """A time and a grapple frame, and what came of it.
+
+    Attributes:
+        t: Time of contact [s].
+        grapple: The grapple frame.
+        caught: Whether a motion catches the target there.
+        story: How near to the singular set it comes, or why there is none.
+    """
+
+    t: float
+    grapple: str
+    caught: bool
+    story: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields."""
+        return self._asdict()
+
+
+class Catch(Result, kw_only=True):
+    """How an arm catches a target, from `sa.catch`.
+
+    Time begins with the start; the target is then where it is at its time 0. The arm rests until
+    `begin`, moves as `plan` to the stand-off, then as `chase` until contact, both with their own
+    clocks, and `brake` brings the joints to rest with the target in the hand.
+
+    Attributes:
+        target: The target.
+        grapple: The grapple frame that is grasped.
+        t: Time of contact [s].
+        begin: When the arm begins to move [s].
+        plan: The motion to the stand-off, from rest to rest.
+        chase: The motion from there to contact, which ends with the twist of the frame.
+        brake: The motion of the arm with the target, from contact until its joints rest.
+        distance_proven: No singular posture is nearer to both motions than this, proven [rad].
+        place_error: Distance of the tip from the grapple frame at contact [m].
+        turn_error: Angle between them [rad].
+        twist_error: (6,) twist of the tip less that of the frame [m/s], [rad/s].
+        torque: (n,) largest torques from the stand-off on and while braking [N m] or [N].
+        momentum: (6,) momentum of arm and target together about the CM of both [kg m/s], [N m s].
+        tried: All that was tried, in that order.
+    """
+
+    target: Target
+    grapple: str
+    t: float
+    begin: float
+    plan: Plan
+    chase: Followed
+    brake: Braking
+    distance_proven: float
+    place_error: float
+    turn_error: float
+    twist_error: Array
+    torque: Array
+    momentum: Array
+    tried: tuple[Candidate, ...]
+
+    @property
+    def arm(self) -> SpaceArm:
+        """The arm, without the target."""
+        return self.plan.arm
+
+    @cached_property
+    def approach(self) -> Motion:
+        """The motion from the start to contact, as one."""
+        return joined(self.begin, self.plan, self.chase)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the motion up to contact, as `Motion.save`.
+
+        Args:
+            path: The file, NPZ.
+        """
+        self.approach.save(path)
+
+    def fly(
+        self,
+        actual: Target | None = None,
+        *,
+        plant: Plant = Plant(),
+        integration: Integration = Integration(),
+        progress: Callable[[float, float], object] | None = None,
+    ) -> Flight:
+        """Simulate the catch: `sa.Tracking` leads the joints, the grasp is a plastic impact.
+
+        Args:
+            actual: The target as it is, where it differs from what was planned with, in mass,
+                inertia or motion: it is grasped by the tip wherever it is then.
+            plant: What else acts, as in `simulate`.
+            integration: How it is integrated.
+            progress: Called now and then as progress(t, duration).
+
+        Returns:
+            The flight: approach, closing in, braking.
+
+        Raises:
+            SpaceArmError: As `simulate_phases` raises.
+        """
+        grasp = grasp_of(actual or self.target, self.t, self.chase[-1].tip)
+        begun = replace(self.plan, t=self.begin + self.plan.t)
+        stages = (
+            Phase(Tracking(begun), float(begun.t[-1]), plant=plant, integration=integration),
+            Phase(Tracking(self.chase), float(self.chase.t[-1]), grasp, plant=plant,
+                  integration=integration),
+            Phase(Tracking(self.brake), float(self.brake.t[-1]), plant=plant,
+                  integration=integration),
+        )  # fmt: skip
+        return simulate_phases(self.plan[0], stages, progress=progress)
+
+    @property
+    def tumble(self) -> Array:
+        """(3,) angular velocity of arm and target once the joints rest, inertial axes [rad/s]."""
+        end = self.brake[-1].with_momentum(self.momentum)
+        return spacecraft_twist(end, np.zeros(self.arm.n))[3:]
+
+    @property
+    def not_checked(self) -> str:
+        """What the answer does not cover: of collisions, and of the forces."""
+        before = f"{self.plan.not_checked}; " * bool(self.plan.not_checked)
+        return (
+            f"{before}torques up to the stand-off; sensors and forces of the contact itself; "
+            "collisions while the arm is braked with the target in its hand"
+        )
+
+    def describe(self) -> Description:
+        """Describe when and where it catches, with what margins, and what was tried."""
+        rates = np.linalg.norm(self.twist_error[:3]), np.linalg.norm(self.twist_error[3:])
+        proven = angle(self.distance_proven, down=True)
+        facts: dict[str, Cell] = {
+            "begins to move": Measure(self.begin, "s"),
+            "at the stand-off": Measure(self.begin + self.plan.t[-1], "s"),
+            "contact": Measure(self.t, "s"),
+            "joints at rest": Measure(self.t + self.brake.t[-1], "s"),
+            "singular posture, proven": f"none nearer than {proven}",
+            "tip off the grapple frame": Measure(self.place_error, "m", ".1e"),
+            "turned off it": Measure(self.turn_error, "rad", ".1e"),
+            "relative velocity": Measure(float(rates[0]), "m/s", ".1e"),
+            "relative angular velocity": Measure(float(rates[1]), "rad/s", ".1e"),
+            "largest torques": Measure(self.torque, "N m"),
+            "the grapple bears": Measure(float(self.brake.borne[0]), "N"),
+            "and about it": Measure(float(self.brake.borne[1]), "N m"),
+            "angular momentum afterwards": Measure(self.momentum[3:], "N m s"),
+            "turns afterwards at": Measure(float(np.linalg.norm(self.tumble)), "rad/s"),
+        }
+        rows = [(c.t, c.grapple, "caught" if c.caught else "not", c.story) for c in self.tried]
+        columns = (Column("contact", "s"), Column("grapple frame"), Column(""), Column(""))
+        return Description(
+            title=f"{self.arm.name} and {self.target.name}",
+            verdict=f"caught by {self.grapple} after {self.t:.4g} s",
+            tone="good",
+            notes=[self.plan.checked],
+            tables=[Table.facts(facts), Table(columns, rows, "Tried")],
+            not_checked=self.not_checked,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all but the parts of the motion as plain data; the motion up to contact as one."""
+        way = self.approach
+        told = {
+            "arm": self.arm.name,
+            "target": self.target.name,
+            "grapple": self.grapple,
+            "contact": self.t,
+            "begin": self.begin,
+            "standing": self.begin + self.plan.t[-1],
+            "rest": self.t + self.brake.t[-1],
+            "distance_proven": self.distance_proven,
+            "place_error": self.place_error,
+            "turn_error": self.turn_error,
+            "twist_error": self.twist_error,
+            "torque": self.torque,
+            "borne": self.brake.borne,
+            "momentum": self.momentum,
+            "tumble": self.tumble,
+            "contacts": self.tried,
+            "not_checked": self.not_checked,
+            "t": way.t,
+            "q": way.q,
+            "base": way.base,
+        }
+        return {name: plain(value) for name, value in told.items()}
+
+
+def in_hand(target: Target, t: float, tip: pin.SE3) -> dict[str, Any]:
+    """Return mass, inertia and CM of a target at a time, in the axes of the tip, for a grasp."""
+    seen = tip.actInv(target.at(t).pose)
+    R = seen.rotation
+    return {
+        "mass": target.mass,
+        "inertia": R @ target.inertia @ R.T,
+        "com": seen.act(target.com),
+    }
+
+
+def grasp_of(target: Target, t: float, tip: pin.SE3) -> Grasp:
+    """Return the grasp of a target at a time [s] by a tip."""
+    frame = target.at(t)
+    v, w = frame.twist[:3], frame.twist[3:]
+    twist = np.concatenate((v + np.cross(w, frame.pose.rotation @ target.com), w))
+    return Grasp(**in_hand(target, t, tip), twist=twist)
+
+
+def joined(begin: float, reach: Motion, chase: Motion) -> Motion:
+    """Return a wait until `begin` [s] and two motions, one after the other, as one."""
+    t = np.concatenate((begin + reach.t, begin + reach.t[-1] + chase.t[1:]))
+    q = np.concatenate((reach.q, chase.q[1:]))
+    base = np.concatenate((reach.base, chase.base[1:]))
+    if begin > 0.0:
+        t, q, base = np.append(0.0, t), np.vstack((q[:1], q)), np.vstack((base[:1], base))
+    return Motion(reach.arm, t, q, base)
