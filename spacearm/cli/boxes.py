@@ -9,13 +9,13 @@ import numpy as np
 import spacearm as sa
 from spacearm.arrays import Array
 from spacearm.cli import options as opt
-from spacearm.cli.output import Answer, answer, kept, out, print_description, working
+from spacearm.cli.output import Answer, kept, working
 from spacearm.files import write
 from spacearm.results import Description, Table, joint_measures
 from spacearm.singularities.box_graph import MOST, SHARE
 
 
-@opt.on_a_model
+@opt.answering()
 def find_box(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
@@ -24,12 +24,11 @@ def find_box(
     at_least: float | None = None,
     clearance: float = 0.0,
     no_limits: opt.NoLimits = False,
-    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    mode: opt.Mode = "free-floating",
     save: opt.Written = None,
     urdf: opt.Written = None,
     deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> None:
+) -> Answer:
     """Prove joint ranges about a posture free of singular ones.
 
     The ranges are about a posture or about a motion.
@@ -53,16 +52,15 @@ def find_box(
             at_least=opt.radians(at_least, deg, None),
             within=_everywhere(arm) if no_limits else None,
             clearance=opt.radians(clearance, deg, 0.0),
-            mode=mode.value,
+            mode=mode,
             progress=progress,
         )
-    answer(arm, Answer(box), "", deg=deg, as_json=as_json)
-    for path in (save and box.save(save), urdf and arm.limited(box.ranges).to_urdf(urdf)):
-        if path and not as_json:
-            out.print(f"wrote {path}")
+    written = [box.save(save)] if save else []
+    written += [arm.limited(box.ranges).to_urdf(urdf)] if urdf else []
+    return Answer(box, written=written)
 
 
-@opt.on_a_model
+@opt.answering("boxes")
 def cover_by_boxes(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
@@ -72,11 +70,9 @@ def cover_by_boxes(
     most: int = MOST,
     keep: opt.Written = None,
     no_limits: opt.NoLimits = False,
-    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
-    output: opt.Picture = None,
+    mode: opt.Mode = "free-floating",
     deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> int:
+) -> Answer:
     """Cover joint space by ranges free of singular postures.
 
     Finds ways through the ranges, too. All is proven, rounding included. Ctrl-C keeps what is
@@ -94,7 +90,7 @@ def cover_by_boxes(
     ends = []
     if q and to:
         ends = [opt.joint_values(arm, x, deg) for x in (q, opt.numbers("--to", to).tolist())]
-    so_far = sa.FreeBoxes.load(keep, arm, mode.value) if keep and keep.exists() else None
+    so_far = sa.FreeBoxes.load(keep, arm, mode) if keep and keep.exists() else None
     within = _everywhere(arm) if no_limits else None
     found, code = kept(
         "covering",
@@ -104,25 +100,22 @@ def cover_by_boxes(
             share=share,
             most=most,
             so_far=so_far,
-            mode=mode.value,
+            mode=mode,
             progress=progress,
         ),
     )
     written = [found.save(keep)] if keep else []
     rows = found.path(*ends) if ends else None
-    told = {} if rows is None else {"way": rows.tolist()}
-    answer(arm, Answer(found, told=told), "boxes", deg=deg, as_json=as_json, output=output)
-    if rows is not None and not as_json:
-        postures = {f"posture {i}": joint_measures(x, arm.slides) for i, x in enumerate(rows, 1)}
-        table = Table.by_columns({"joint": arm.joint_names, **postures})
-        print_description(Description(title="Way through the boxes, proven", tables=[table]), deg)
-    if rows is not None and way:
+    if rows is None:
+        return Answer(found, code, written=written)
+    postures = {f"posture {i}": joint_measures(x, arm.slides) for i, x in enumerate(rows, 1)}
+    table = Table.by_columns({"joint": arm.joint_names, **postures})
+    said = Description(title="Way through the boxes, proven", tables=[table])
+    if way:
         head = f"# joint positions [rad], [m]: {' '.join(arm.joint_names)}"
         lines = [",".join(map(repr, row)) for row in rows.tolist()]
         written.append(write(way, "\n".join([head, *lines, ""]).encode()))
-    for path in () if as_json else written:
-        out.print(f"wrote {path}")
-    return code
+    return Answer(found, code, told={"way": rows.tolist()}, written=written, more=[said])
 
 
 def _everywhere(arm: sa.SpaceArm) -> tuple[Array, Array]:

@@ -8,7 +8,6 @@ import warnings
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
-from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, ParamSpec, TypeAlias, TypeVar, get_args, get_origin
 
@@ -27,6 +26,7 @@ from spacearm.description.readers.source import Reading
 from spacearm.description.tree import Tree, Wheels
 from spacearm.errors import listed, unknown, warn
 from spacearm.files import read, writable
+from spacearm.model.arguments import BaseMode
 from spacearm.motion.goal import Goal, goal_of, goal_pose
 from spacearm.motion.motion_file import check_suffix
 
@@ -57,16 +57,11 @@ Attitude = Annotated[
     typer.Option(help="Spacecraft roll, pitch, yaw; zeros if not given.", metavar="R P Y"),
 ]
 
-
-class Spacecraft(str, Enum):
-    """Modes of the spacecraft."""
-
-    FREE = "free-floating"
-    CONTROLLED = "attitude-controlled"
-    FIXED = "fixed"
-
-
-SpacecraftMode = Annotated[Spacecraft, typer.Option("--mode", help="What the spacecraft does.")]
+Mode = Annotated[BaseMode, typer.Option(help="What the spacecraft does.")]
+MaybeMode = Annotated[
+    BaseMode | None,
+    typer.Option("--mode", help="What the spacecraft does; it floats if not given."),
+]
 
 
 def to_write(path: Path | None) -> Path | None:
@@ -298,7 +293,9 @@ def on_a_model(command: Callable[..., T]) -> Callable[..., T]:
     return run
 
 
-def answering(kind: str = "", *options: str) -> Callable[[Callable[..., Any]], Callable[..., int]]:
+def answering(
+    kind: str = "", *options: str, without: Sequence[str] = ()
+) -> Callable[[Callable[..., Any]], Callable[..., int]]:
     """Give a command that returns its result, or an `Answer`, the options of `answer`.
 
     It is told those that it declares itself.
@@ -306,11 +303,13 @@ def answering(kind: str = "", *options: str) -> Callable[[Callable[..., Any]], C
     Args:
         kind: As in `answer`; if empty there is no --output.
         *options: Which there are besides --deg and --json: "save", "view".
+        without: Parameters of the function that are no options.
     """
     names = [*["output"] * bool(kind), *options, "deg", "as_json"]
 
     def decorate(command: Callable[..., Any]) -> Callable[..., int]:
         own = dict(inspect.signature(documented(command)).parameters)
+        own = {name: parameter for name, parameter in own.items() if name not in without}
 
         def run(arm: sa.SpaceArm, **given: Any) -> int:
             found = command(arm, **{name: x for name, x in given.items() if name in own})

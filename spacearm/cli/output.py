@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -159,6 +159,8 @@ class Answer:
         told: Fields that JSON has besides.
         thing: What is drawn and shown; the result if None.
         drawing: Whether there is a picture where no option names one.
+        written: Files that the command has written.
+        more: What else is printed.
     """
 
     result: Any
@@ -167,6 +169,8 @@ class Answer:
     told: Mapping[str, Any] = field(default_factory=dict)
     thing: Any = None
     drawing: bool = True
+    written: Sequence[Path] = ()
+    more: Sequence[Description] = ()
 
 
 def answer(
@@ -188,26 +192,28 @@ def answer(
         kind: What it is, for the name of the picture; empty if it has none.
         deg: Whether angles are printed in degrees.
         as_json: Whether to print JSON; then a picture is drawn only if `output` names it.
-        save: Where the motion goes.
+        save: Where the motion goes, unless the command has written it.
         output: Where the picture goes; else where `picture_path` says.
         view: Whether to show it in the browser; then a picture is drawn only if `output` names it.
     """
     result, thing = found.result, found.result if found.thing is None else found.thing
-    if save:
+    written = [*found.written]
+    if save and not written:
         result.save(save)
+        written.append(save)
     if as_json:
         print_json(result.to_dict() | dict(found.told))
     else:
-        print_description(result.describe(), deg)
-        if save:
-            out.print(f"wrote {save}")
+        for said in (result.describe(), *found.more):
+            print_description(said, deg)
     if kind and (output or (found.drawing and not (as_json or view))):
         from spacearm.plots.show import plot  # imports matplotlib
 
         where = picture_path(output, arm.name, kind)
         write_picture(where, plot(thing, **found.drawn()))
-        if not as_json:
-            out.print(f"wrote {where}")
+        written.append(where)
+    for path in () if as_json else written:
+        out.print(f"wrote {path}")
     if view:
         serve(thing)
 

@@ -42,13 +42,14 @@ KEYS = ("start", "goal", "final_attitude", "duration", "origin", "constraints", 
 def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Callable[..., int]:
     """Return the command that asks `plan` or `detumble`, whose questions differ in a few keys."""
 
-    @opt.answering("plan", "save", "view")
+    @opt.answering("plan", "save", "view", without=() if "mode" in more_keys else ("mode",))
     def run(
         arm: sa.SpaceArm,
         q: opt.JointValues = None,
         goal: list[str] | None = None,
         obstacle: list[str] | None = None,
         attitude: opt.Attitude = None,
+        mode: opt.MaybeMode = None,
         fastest: bool = False,
         more: With = None,
         save: opt.Save = None,
@@ -65,7 +66,7 @@ def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Ca
             fastest: Time it as fast as effort and velocity limits allow; needs toppra.
             save (NPZ): Write the plan; where none is found, the best attempt.
         """
-        asked = question(more, *KEYS, *more_keys)
+        asked = question(more, *KEYS, *more_keys, mode=mode)
         start = start_of(arm, asked, q, attitude, deg)
         target = _goal(arm, goal, asked, deg)
         constraints = constraints_of(asked.inner("constraints"))
@@ -177,6 +178,7 @@ def follow_path(
     q: opt.JointValues = None,
     path: Path | None = None,
     attitude: opt.Attitude = None,
+    mode: opt.MaybeMode = None,
     more: With = None,
     deg: bool = False,
 ) -> Answer:
@@ -194,7 +196,7 @@ def follow_path(
     """
     if path is None:
         raise sa.ConfigurationError("there is no path; give --path FILE, a CSV file")
-    asked = question(more, "start", *FOLLOWED)
+    asked = question(more, "start", *FOLLOWED, mode=mode)
     start = start_of(arm, asked, q, attitude, deg)
     times, corners = _corners(arm, path, deg)
     with working("following") as progress:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from enum import Enum
 from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,17 +13,10 @@ import typer
 import spacearm as sa
 from spacearm.arrays import Array, plain
 from spacearm.cli import options as opt
-from spacearm.cli.output import (
-    Answer,
-    err,
-    kept,
-    out,
-    print_description,
-    print_json,
-    working,
-)
+from spacearm.cli.output import Answer, err, kept, print_description, print_json, working
 from spacearm.errors import listed
 from spacearm.files import write
+from spacearm.mechanics.dynamics import JointState
 from spacearm.model.arguments import BaseMode
 from spacearm.model.joints import joint_name
 from spacearm.results import Description, Table, joint_measures
@@ -50,7 +42,7 @@ def report_singularity(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
     attitude: opt.Attitude = None,
-    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    mode: opt.Mode = "free-floating",
     tolerance: Annotated[
         float | None,
         typer.Option(
@@ -72,7 +64,7 @@ def report_singularity(
     with working("searching") as told:
         report = sa.singularity(
             cfg,
-            mode=mode.value,
+            mode=mode,
             tolerance=opt.radians(tolerance, deg, TOLERANCE),
             exact=not first_order,
             progress=told,
@@ -84,7 +76,7 @@ def report_singularity(
 def find_nearest(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
-    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    mode: opt.Mode = "free-floating",
     limits: bool = False,
     deg: bool = False,
 ) -> Any:
@@ -95,16 +87,14 @@ def find_nearest(
     """
     start = opt.joint_values(arm, q or [], deg)
     with working("searching") as progress:
-        return sa.singular_set(arm, mode=mode.value).nearest(
-            start, limits=limits, progress=progress
-        )
+        return sa.singular_set(arm, mode=mode).nearest(start, limits=limits, progress=progress)
 
 
 @opt.on_a_model
 def check_path(
     arm: sa.SpaceArm,
     file: Annotated[Path, typer.Argument()],
-    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    mode: opt.Mode = "free-floating",
     clearance: float = 0.0,
     fail_on_singular: Fail = False,
     deg: bool = False,
@@ -120,7 +110,7 @@ def check_path(
     given = sa.Motion.load(file, arm) if file.suffix == ".npz" else _postures(arm, file, deg)
     Q, way = path_rows(arm, given), control_points(arm, given)
     with working("proving") as progress:
-        proof = prove_regular(arm, Q, mode=mode.value, progress=progress)
+        proof = prove_regular(arm, Q, mode=mode, progress=progress)
         if proof is None:
             raise sa.UnsupportedError(
                 f"{arm.name}: J* of this arm has no minors that a proof could use, as with joints "
@@ -128,16 +118,16 @@ def check_path(
             )
         wanted = opt.radians(clearance, deg, 0.0)
         if proof and (wanted or way.shape[1] > 2):  # a plan is flown between its rows
-            clear = prove_clear(arm, mode.value, way, wanted, progress=progress)
+            clear = prove_clear(arm, mode, way, wanted, progress=progress)
             proof = replace(clear, margin=proof.margin)
-        distance = distances_found(arm, mode.value, Q)
+        distance = distances_found(arm, mode, Q)
     outside = sorted({name for q in Q for name in arm.at(q).outside_limits})
     if as_json:
         facts = {"arm": arm, "certificate": proof, "outside_limits": outside}
-        whom = {"any_payload": any_payload(arm, mode.value)}
-        print_json(plain(facts | {"distance": distance, "mode": mode.value} | whom))
+        whom = {"any_payload": any_payload(arm, mode)}
+        print_json(plain(facts | {"distance": distance, "mode": mode} | whom))
     else:
-        print_description(_described(arm, mode.value, Q, proof, distance, outside), deg)
+        print_description(_described(arm, mode, Q, proof, distance, outside), deg)
     return SINGULAR if fail_on_singular and not proof.free else 0
 
 
@@ -210,12 +200,11 @@ def draw_singular_map(
         "computing the map",
         lambda progress: sa.singular_map(arm, axes, q, points, progress=progress),
     )
-    if npz:
-        _write_npz(npz, result)
-    return Answer(result, code, drawing=not npz)
+    written = [_write_npz(npz, result)] if npz else []
+    return Answer(result, code, drawing=not npz, written=written)
 
 
-def _write_npz(path: Path, result: sa.SingularMap) -> None:
+def _write_npz(path: Path, result: sa.SingularMap) -> Path:
     buffer = BytesIO()
     arrays: dict[str, Any] = {
         "joints": np.array(result.joints),
@@ -228,15 +217,7 @@ def _write_npz(path: Path, result: sa.SingularMap) -> None:
     }
     arrays |= {f"curve_{i}": curve for i, curve in enumerate(result.curves or [])}
     np.savez(buffer, **arrays)
-    write(path, buffer.getvalue())
-    out.print(f"wrote {path}")
-
-
-class Brakes(str, Enum):
-    """What the joints do in the impact."""
-
-    FREE = "free"
-    BRAKED = "braked"
+    return write(path, buffer.getvalue())
 
 
 @opt.answering()
@@ -247,12 +228,8 @@ def compute_capture(
     velocity: opt.Three = (0.0, 0.0, 0.0),
     spin: opt.Three = (0.0, 0.0, 0.0),
     inertia: opt.Three | None = None,
-    com: opt.Three = (
-        0.0,
-        0.0,
-        0.0,
-    ),
-    brakes: Annotated[Brakes, typer.Option("--joints-are")] = Brakes.FREE,
+    com: opt.Three = (0.0, 0.0, 0.0),
+    brakes: Annotated[JointState, typer.Option("--joints-are")] = "free",
     attitude: opt.Attitude = None,
     deg: bool = False,
 ) -> sa.Capture:
@@ -275,5 +252,5 @@ def compute_capture(
     turning = np.radians(spin) if deg else np.array(spin)
     return sa.capture(
         cfg, np.concatenate((velocity, turning)), mass,
-        None if inertia is None else np.diag(inertia), com, joints=brakes.value,
+        None if inertia is None else np.diag(inertia), com, joints=brakes,
     )  # fmt: skip

@@ -37,12 +37,13 @@ SHAPES = ("box", "sphere", "cylinder", "mesh", "robot")
 """Kinds of obstacles."""
 
 
-def question(given: Sequence[str] | None, *names: str) -> Table:
+def question(given: Sequence[str] | None, *names: str, **options: Any) -> Table:
     """Return one table of what `--with` gives.
 
     Args:
         given: Paths of TOML files, and texts "KEY=VALUE" with dots in the key; later ones win.
         *names: The keys that it may have.
+        **options: Values of keys from options of their own, which win; None if not given.
 
     Raises:
         ConfigurationError: A file cannot be read, or a key does not exist.
@@ -54,7 +55,7 @@ def question(given: Sequence[str] | None, *names: str) -> Table:
             _merge(whole, _nested(key.strip().split("."), _value(value.strip())))
             continue
         _merge(whole, parse(text_of(text, "--with"), text).values)
-    table = Table("--with", whole)
+    table = Table("--with", whole | {name: x for name, x in options.items() if x is not None})
     table.knows(*names)
     return table
 

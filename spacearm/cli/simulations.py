@@ -12,7 +12,7 @@ import typer
 
 import spacearm as sa
 from spacearm.cli import options as opt
-from spacearm.cli.output import Answer, answer, out, print_json, say_stopped, working
+from spacearm.cli.output import Answer, out, print_json, say_stopped, working
 from spacearm.cli.questions import With, controller_of, question, start_of
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.motion.controllers import LAWS, TipLaw
@@ -26,7 +26,7 @@ PLAIN = ("mode", "origin", "stop", "dq")
 OBJECTS = ("start", "controller", "duration", "plant", "sampling", "integration")
 
 
-@opt.on_a_model
+@opt.answering("simulation", "save", "view")
 def simulate_motion(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
@@ -40,13 +40,11 @@ def simulate_motion(
     ] = None,
     duration: Annotated[float | None, typer.Option(show_default=False)] = None,
     attitude: opt.Attitude = None,
+    mode: opt.MaybeMode = None,
     more: With = None,
-    output: opt.Picture = None,
     save: opt.Save = None,
-    view: opt.View = False,
     deg: bool = False,
-    as_json: opt.AsJson = False,
-) -> int:
+) -> Answer:
     """Simulate an arm under a controller.
 
     Draws tip path, attitude, joints and sigma_min.
@@ -60,13 +58,14 @@ def simulate_motion(
             JointPD.
         duration: Duration [s]; 60 if not given.
     """
-    asked = question(more, *OBJECTS, *PLAIN, "phases")
+    asked = question(more, *OBJECTS, *PLAIN, "phases", mode=mode)
     start = start_of(arm, asked, q, attitude, deg)
     if "phases" in asked.values:
-        given = {"--target": target, "--controller": controller, "--duration": duration}
+        given = {"--target": target, "--controller": controller, "--duration": duration,
+                 "--mode": mode}  # fmt: skip
         if both := [option for option, value in given.items() if value is not None]:
             raise sa.ConfigurationError(f"phases and {both[0]} are given; say it in the phases")
-        return _fly(start, asked, save, output, view, deg, as_json)
+        return _fly(start, asked, save)
     law = asked.inner("controller")
     if controller is not None:
         law.values["law"] = controller
@@ -97,32 +96,20 @@ def simulate_motion(
     def drawn() -> dict[str, Any]:
         return {"target": opt.mark_of(run[-1], laws.goal(0.0))} if isinstance(laws, TipLaw) else {}
 
-    answer(
-        arm, Answer(run, drawn=drawn), "simulation", deg=deg, as_json=as_json, save=save,
-        output=output, view=view,
-    )  # fmt: skip
-    return _ended(run, f"{run.t[-1]:.4g} of {seconds:g} s simulated")
+    code = _ended(run, f"{run.t[-1]:.4g} of {seconds:g} s simulated")
+    return Answer(run, code, drawn)
 
 
-def _fly(
-    start: sa.Configuration,
-    asked: Table,
-    save: Path | None,
-    output: Path | None,
-    view: bool,
-    deg: bool,
-    as_json: bool,
-) -> int:
+def _fly(start: sa.Configuration, asked: Table, save: Path | None) -> Answer:
     """Simulate the phases of a flight; files get the number of their phase."""
     phases = read_phases(asked, start.arm)
     with working("simulating") as progress:
         flight = sa.simulate_phases(start, phases, dq=asked.values.get("dq"), progress=progress)
-    for i, run in enumerate(flight.phases):
-        if save:
-            run.save(save.with_stem(f"{save.stem}_{i}"))
-    told = Answer(flight)
-    answer(start.arm, told, "simulation", deg=deg, as_json=as_json, output=output, view=view)
-    return _ended(flight, f"{len(flight.phases)} of {len(phases)} phases simulated")
+    code = _ended(flight, f"{len(flight.phases)} of {len(phases)} phases simulated")
+    names = [save.with_stem(f"{save.stem}_{i}") for i in range(len(flight.phases))] if save else []
+    for name, run in zip(names, flight.phases, strict=False):
+        run.save(name)
+    return Answer(flight, code, written=names)
 
 
 def _target(arm: sa.SpaceArm, law: Table, text: str, deg: bool) -> list[float]:
@@ -150,7 +137,7 @@ TOO_NEAR = 3
 def watch_states(
     arm: sa.SpaceArm,
     file: Annotated[str, typer.Argument()] = "-",
-    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    mode: opt.Mode = "free-floating",
     stop: Annotated[
         float | None,
         typer.Option(
@@ -182,7 +169,7 @@ def watch_states(
         topic: Topic of an .mcap file.
     """
     near, far = opt.radians(stop, deg, STOP), opt.radians(slow, deg, SLOW)
-    servo = sa.Servo(arm, mode=mode.value, stop=near, slow=far)
+    servo = sa.Servo(arm, mode=mode, stop=near, slow=far)
     messages: Iterable[Any] = sys.stdin if file == "-" else recorded(Path(file), topic)
     level, worst, count = "", 0, 0
     for state in servo.watch(messages, ahead=ahead):

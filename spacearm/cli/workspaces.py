@@ -39,7 +39,7 @@ Effort = Annotated[
 @opt.answering("workspace", "view")
 def compute_workspace(
     arm: sa.SpaceArm,
-    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    mode: opt.Mode = "free-floating",
     limits: opt.Limits = False,
     effort: Effort = None,
     seed: int = 0,
@@ -60,7 +60,7 @@ def compute_workspace(
     result, code = kept(
         "computing the workspace",
         lambda progress: sa.workspace(
-            arm, mode=mode.value, limits=limits, effort=tries, seed=seed, progress=progress
+            arm, mode=mode, limits=limits, effort=tries, seed=seed, progress=progress
         ),
     )
     if effort is not None and result.effort == 0:
@@ -116,7 +116,7 @@ def compute_risk(
 def sweep_designs(
     arm: sa.SpaceArm,
     vary: list[str],
-    mode: opt.SpacecraftMode = opt.Spacecraft.FREE,
+    mode: opt.Mode = "free-floating",
     limits: opt.Limits = False,
     effort: Effort = None,
     risk: bool = False,
@@ -136,7 +136,7 @@ def sweep_designs(
     grid = {name: _values(name, values) for name, _, values in pairs}
     with working("designs") as progress:
         result = workspaces(
-            arm, grid, mode=mode.value, limits=limits, effort=effort, risk_bins=int(risk),
+            arm, grid, mode=mode, limits=limits, effort=effort, risk_bins=int(risk),
             progress=progress,
         )  # fmt: skip
     done, of = int(result["done"].sum()), result["done"].size

@@ -1,12 +1,14 @@
 """The command `spacearm simulate`, from outside."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
 from helpers.commands import spacearm
 
 import spacearm as sa
+from spacearm.cli.app import main
 from spacearm.cli.wording import join_numbers
 from spacearm.sweeps.motion_tables import read_phases
 from spacearm.sweeps.toml import parse
@@ -39,6 +41,34 @@ def test_figures_5_and_6(tmp_path):
     assert names[:3] == ["tip", "start", "end"]
     assert names[3].startswith("singular (")
     assert names[4] == "target"
+
+
+@pytest.mark.parametrize(
+    ("command", "words"), [("follow", "--path path.csv"), ("simulate", "--target 1.2,0.9")]
+)
+def test_the_mode_is_an_option_that_wins(command, words, tmp_path, monkeypatch):
+    given = []
+    monkeypatch.setattr(sa, command, lambda *_, **options: given.append(options) or sys.exit())
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "path.csv").write_text("1.2,0.9\n")
+    words = f"spacearm {command} planar2 0.3 0.8 {words}"
+    for more in ("", "--with mode=fixed", "--mode fixed", "--mode fixed --with mode=free-floating"):
+        monkeypatch.setattr(sys, "argv", f"{words} {more}".split())
+        with pytest.raises(SystemExit):
+            main()
+    assert [options.get("mode") for options in given] == [None, "fixed", "fixed", "fixed"]
+
+
+@pytest.mark.parametrize(
+    ("command", "message"), [("plan", "mode 'fixed'"), ("detumble", "'--mode' is no option")]
+)
+def test_the_mode_of_plans(command, message, capsys, monkeypatch):
+    """Wheels of a detumbling motion hold at its end: it has no mode."""
+    words = f"spacearm {command} planar2 0.3 0.8 --goal 1.2,0.9 --mode fixed"
+    monkeypatch.setattr(sys, "argv", words.split())
+    with pytest.raises(SystemExit):
+        main()
+    assert message in capsys.readouterr().err
 
 
 @pytest.mark.slow
