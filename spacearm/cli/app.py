@@ -74,7 +74,7 @@ watch: simulations.watch_states
 capture: queries.compute_capture
     Compute the velocities just after the hand grasps a body.
 sweep: sweeps.run_study
-    Compute a study chunk by chunk; a stopped one goes on.
+    Compute a study chunk by chunk, or resume one that was stopped.
 """
 """Name and place of each command, and its summary."""
 COMMANDS = {

@@ -31,14 +31,14 @@ def find_box(
 ) -> Answer:
     """Prove joint ranges about a posture free of singular ones.
 
-    The ranges are about a posture or about a motion.
+    With --motion, the ranges contain a motion in place of a posture.
 
     Options:
-        motion: A saved motion that the ranges hold, in place of a posture.
+        motion: A saved motion.
         widest (JOINT): Joint whose range grows first; may be repeated.
         at_least: Width that all ranges must have [rad], with --deg in degrees.
-        clearance: How far singular postures are from all in the ranges [rad], with --deg in
-            degrees.
+        clearance: Least distance from any posture in the ranges to a singular one [rad], with --deg
+            in degrees.
         save (TOML): Write the ranges to a TOML file.
         urdf: Write the robot with the ranges as its limits.
     """
@@ -75,15 +75,15 @@ def cover_by_boxes(
 ) -> Answer:
     """Cover joint space by ranges free of singular postures.
 
-    Finds ways through the ranges, too. All is proven, rounding included. Ctrl-C keeps what is
-    covered.
+    With --to, it also finds a way from one posture to another. Everything is proven, rounding
+    included. Ctrl-C keeps the ranges found so far.
 
     Options:
-        to (Q1,Q2,...): Find a way through the boxes from the joint values given to these.
+        to (Q1,Q2,...): Find a way through the ranges to these joint values.
         way (CSV): Write this way to a CSV file [rad], [m]; `spacearm path` takes it.
         share: Share of the joint range to cover, up to 1.
-        most: Largest number of cells, halved ones too.
-        keep (NPZ): Write the boxes to this file; if it is there, go on from what it holds.
+        most: Largest number of cells to look at, those that are halved included.
+        keep (NPZ): Write the ranges to this file; if it exists, resume from its contents.
     """
     if (to is None) != (not q) or (way and to is None):
         raise sa.ConfigurationError("give joint values and --to for a way, --way to write it")

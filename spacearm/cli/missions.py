@@ -40,13 +40,13 @@ def find_attitudes(
 ) -> sa.FeasibleAttitudes:
     """Find the attitudes from which the tip can follow a path.
 
-    With joint values, a posture near the start of the path, from that branch of postures; else
-    from all. --with gives more of what sa.feasible_attitudes takes: start with its momentum, speed,
-    refine, seed.
+    Joint values, of a posture near the start of the path, choose one branch of postures; without
+    them all branches are tried. --with gives what else sa.feasible_attitudes takes: start with its
+    momentum, speed, refine, seed.
 
     Options:
-        corner (X1 X2 ...): A corner of the path, the first is its start: task rows of the tip, from
-            the system CM [m], turns as roll pitch yaw. Give two or more.
+        corner (X1 X2 ...): A corner of the path, its start first: task rows of the tip, from the
+            system CM [m], turns as roll pitch yaw. Give two or more.
         margin: Least distance to the singular set [rad]; 1 degree by default.
         samples: Number of attitudes tried at first.
     """
@@ -82,14 +82,14 @@ def find_catch(
 
     The tip has the target's velocity at contact; then the joints brake both.
 
-    --with gives more of what sa.catch takes: start, approach, closing, touching,
-    bears, wanted, constraints, search.
+    --with gives what else sa.catch takes: start, approach, closing, touching, bears, wanted,
+    constraints, search.
 
     Options:
-        target (TOML): What is caught, by the names of sa.Target: body (a robot file, or mass, size,
+        target (TOML): The target, by the names of sa.Target: body (a robot file, or mass, size,
             inertia, com), pose, twist, grapples, orbit.
         window (FROM,TO): Earliest and latest contact [s].
-        grapple: Grapple frame; any of them by default.
+        grapple: Grapple frame to grasp; any of them by default.
     """
     told = ("approach", "closing", "touching", "bears", "wanted")
     asked = question(more, "start", "constraints", "search", *told)
@@ -111,14 +111,13 @@ def find_catch(
 def identify_held(arm: sa.SpaceArm, motion: Path, noise: str | None = None) -> sa.Identified:
     """Identify what the hand holds from measured rates.
 
-    Its mass, CM and inertia follow from the momentum that is kept.
-
-    The arm is given without what it holds.
+    Its mass, CM and inertia follow from the conservation of momentum. MODEL is the arm with its
+    hand empty.
 
     Options:
-        motion (CSV|NPZ): What was measured: a table (CSV) headed as by sa.write_motion, with 't
-            [s]', 'q JOINT [rad]' and 'base x [m]' to 'base qw [1]', better with 'dq JOINT [rad/s]'
-            and 'twist vx [m/s]' to 'twist wz [rad/s]' too; or a motion that --save wrote.
+        motion (CSV|NPZ): The measurements: a table (CSV) with the column names of sa.write_motion,
+            't [s]', 'q JOINT [rad]' and 'base x [m]' to 'base qw [1]', and better also 'dq JOINT
+            [rad/s]' and 'twist vx [m/s]' to 'twist wz [rad/s]'; or a motion that --save wrote.
         noise (V,W,DQ): Standard deviations of the spacecraft's velocity [m/s] and angular velocity
             [rad/s], and of joint rates; found from the residuals by default.
     """
@@ -135,7 +134,7 @@ def identify_held(arm: sa.SpaceArm, motion: Path, noise: str | None = None) -> s
 def report_reaction(arm: sa.SpaceArm, motion: Path, camera: str | None = None) -> sa.Reaction:
     """Report what a motion does to the spacecraft and its wheels.
 
-    Loads of wheels are those that hold the attitude.
+    The loads of the wheels are those of holding the attitude.
 
     Options:
         motion (NPZ): A motion written by --save of plan or simulate.
@@ -158,13 +157,13 @@ def size_wheels_of(
 ) -> sa.WheelSizing:
     """Compute how much momentum wheels need to hold the attitude.
 
-    The arm moves meanwhile, by a motion or at a tip speed.
+    The arm moves meanwhile: along given motions, or so that the tip has a given speed.
 
     Options:
-        tip_speed: Speed of the tip [m/s] in any direction, any posture.
-        motion (NPZ): A motion to cover instead; may be repeated.
+        tip_speed: Speed of the tip [m/s], in any direction and any posture.
+        motion (NPZ): A motion in place of --tip-speed; may be repeated.
         samples: Number of postures.
-        near: Postures nearer to a singularity are left out; 5 degrees by default.
+        near: Leave out postures nearer to a singular one than this; 5 degrees by default.
         seed: Seed of the postures.
     """
     with working("sizing wheels") as progress:
@@ -188,9 +187,9 @@ def write_report(
 ) -> None:
     """Write a design report, one page.
 
-    The page has the arm, its singular sets, workspaces and reactions.
+    It shows the arm, its singular sets, workspaces and reactions.
 
-    Joint values give the working posture; without them it is one far from singularities.
+    Joint values give the working posture; by default it is one far from singularities.
 
     Options:
         output (HTML): The page to write.

@@ -50,11 +50,15 @@ def complete_model(incomplete: str) -> list[tuple[str, str]]:
 
 
 JointValues = Annotated[
-    list[str] | None, typer.Argument(metavar="Q1 Q2 ...", help="Joint values [rad] or [m].")
+    list[str] | None,
+    typer.Argument(
+        metavar="Q1 Q2 ...",
+        help="Joint values [rad], with --deg in degrees; of sliding joints [m].",
+    ),
 ]
 Attitude = Annotated[
     Three | None,
-    typer.Option(help="Spacecraft roll, pitch, yaw; zeros if not given.", metavar="R P Y"),
+    typer.Option(help="Roll, pitch, yaw of the spacecraft; zeros by default.", metavar="R P Y"),
 ]
 
 Mode = Annotated[BaseMode, typer.Option(help="What the spacecraft does.")]
@@ -161,10 +165,10 @@ def arm_from(
         lock (JOINT=VALUE): Lock a joint; may be repeated.
         wheel (JOINT[=TORQUE,MOMENTUM]): Take a joint as a momentum wheel, with these limits [N m],
             [N m s] or its own; may be repeated.
-        check (error|warn|accept): What to do with physically impossible inertias.
+        check (error|warn|accept): What to do about physically impossible inertias.
         bus (KG|KG:X,Y,Z|FILE[@X,Y,Z[,R,P,Y]]): Mount MODEL, an arm alone, on a bus: a solid box of
-            this mass [kg] and these edges [m], or a robot file or catalogue name; after @ where its
-            base is on it.
+            this mass [kg] and these edges [m], or a robot file or catalogue name; after @ the place
+            and the roll, pitch, yaw of the arm's base on it, the top of a box by default.
         arg (NAME:=VALUE): Argument of a xacro source; may be repeated.
         package (FOLDER): Folder of ROS packages; may be repeated.
         density (RHO): Density [kg/m^3] of links without inertial data.

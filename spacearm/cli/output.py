@@ -134,8 +134,8 @@ def kept(what: str, compute: Callable[[Callable[[float, float], None]], T]) -> t
 
 
 def say_stopped(what: str) -> None:
-    """Say on stderr that Ctrl-C has stopped a command that keeps what there is."""
-    err.print(f"spacearm: stopped: {what}; what there is is kept")
+    """Say on stderr that Ctrl-C has stopped a command that keeps its results so far."""
+    err.print(f"spacearm: stopped: {what}; the results so far are kept")
 
 
 def _so_far(task: Task, since: float, searches: bool) -> str:

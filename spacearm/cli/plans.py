@@ -63,7 +63,7 @@ def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Ca
             obstacle (KIND:PLACE:WHAT): box:X,Y,Z:SIZE (or LX,LY,LZ), sphere:X,Y,Z:RADIUS,
                 cylinder:X,Y,Z:RADIUS,LENGTH, mesh:X,Y,Z:FILE or robot:X,Y,Z:MODEL [m]; then :R,P,Y
                 and @MARGIN; may be repeated.
-            fastest: Time it as fast as effort and velocity limits allow; needs toppra.
+            fastest: Fly it as fast as effort and velocity limits allow; needs toppra.
             save (NPZ): Write the plan; where none is found, the best attempt.
         """
         asked = question(more, *KEYS, *more_keys, mode=mode)
@@ -186,13 +186,13 @@ def follow_path(
 
     The path has times, or is followed at a constant speed.
 
-    A row has the task's rows of the tip, turns as roll, pitch, yaw, after the time in seconds where
-    the path has times; a first line of names is skipped. Exits with 3 where the tip cannot be led
-    to the end. --with gives all else that sa.follow takes: start, origin, mode, speed, at_rest,
-    limits.
+    Each line holds the task's rows of the tip, turns as roll, pitch, yaw; where the path has times,
+    the time in seconds comes first. A first line of names is skipped. The exit code is 3 if the tip
+    cannot be led to the end. --with gives what else sa.follow takes: start, origin, mode, speed,
+    at_rest, limits.
 
     Options:
-        path (CSV): Path of the tip, a row for each corner.
+        path (CSV): Path of the tip, one line for each corner.
     """
     if path is None:
         raise sa.ConfigurationError("there is no path; give --path FILE, a CSV file")

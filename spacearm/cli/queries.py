@@ -47,7 +47,7 @@ def report_singularity(
         float | None,
         typer.Option(
             help="Distance to the singular set up to which a posture is singular [rad], with --deg "
-            f"in degrees; {TOLERANCE:g} rad if not given.",
+            f"in degrees; {TOLERANCE:g} rad by default.",
             show_default=False,
         ),
     ] = None,
@@ -58,7 +58,7 @@ def report_singularity(
     """Report whether a posture is singular, and what is lost there.
 
     Options:
-        first_order: Estimate the distance only: do not find the nearest posture.
+        first_order: Only estimate the distance; do not search for the nearest posture.
     """
     cfg = opt.configuration(arm, q, attitude, deg)
     with working("searching") as told:
@@ -103,8 +103,9 @@ def check_path(
     """Prove that motions from posture to posture meet no singularity.
 
     Options:
-        file (FILE): Text with the joint values of a posture in each line, or a saved motion (.npz).
-        clearance: Prove that no singular posture is nearer to the way than this [rad], with --deg
+        file (FILE): A text file with the joint values of one posture per line, or a saved motion
+            (.npz).
+        clearance: Prove that no singular posture is nearer to the path than this [rad], with --deg
             in degrees.
     """
     given = sa.Motion.load(file, arm) if file.suffix == ".npz" else _postures(arm, file, deg)
@@ -185,7 +186,7 @@ def draw_singular_map(
 ) -> Answer:
     """Map the distance to the singular set over two joints.
 
-    Exact singular curves are drawn on top. Ctrl-C keeps what there is.
+    Exact singular curves are drawn on top. Ctrl-C keeps the results so far.
 
     Options:
         axes (A B): The two joints, by name or as q1 q2; by default those along which sigma_min
@@ -242,7 +243,7 @@ def compute_capture(
         velocity (X Y Z): Velocity of its CM [m/s], inertial axes.
         spin (X Y Z): Its angular velocity [rad/s], with --deg in degrees/s, inertial axes.
         inertia (X Y Z): Its moments of inertia about its CM along the tip's axes [kg m^2]; a point
-            mass if left out.
+            mass by default.
         com (X Y Z): Its CM in the tip frame [m].
         brakes: Whether brakes hold the joints.
     """

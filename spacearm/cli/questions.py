@@ -26,7 +26,7 @@ With = Annotated[
     list[str] | None,
     typer.Option(
         "--with",
-        help="More of the question, by its names in Python, SI units and radians: a TOML file, or "
+        help="Further arguments by their names in Python, in SI units and radians: a TOML file, or "
         "one value, as in integration.rtol=1e-6; may be repeated, the last counts.",
         metavar="FILE.toml|KEY=VALUE",
     ),

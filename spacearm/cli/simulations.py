@@ -47,16 +47,15 @@ def simulate_motion(
 ) -> Answer:
     """Simulate an arm under a controller.
 
-    Draws tip path, attitude, joints and sigma_min.
+    The picture shows tip path, attitude, joints and sigma_min.
 
     --with gives all that sa.simulate takes: start, controller, plant, sampling, integration, mode,
-    origin, stop, dq; or [[phases]] of sa.simulate_phases. Ctrl-C ends the run and keeps what there
-    is.
+    origin, stop, dq; or [[phases]] of sa.simulate_phases. Ctrl-C keeps the results so far.
 
     Options:
         target (X1 X2 ...): Task rows of the tip [m], turns as roll pitch yaw; joint values for
             JointPD.
-        duration: Duration [s]; 60 if not given.
+        duration: Duration [s]; 60 by default.
     """
     asked = question(more, *OBJECTS, *PLAIN, "phases", mode=mode)
     start = start_of(arm, asked, q, attitude, deg)
@@ -141,15 +140,15 @@ def watch_states(
     stop: Annotated[
         float | None,
         typer.Option(
-            help="Distance to the singular set that is too near [rad], with --deg in degrees; "
-            f"{np.degrees(STOP):g}° if not given.",
+            help="Distance to the singular set below which a state is too near [rad], with --deg "
+            f"in degrees; {np.degrees(STOP):g}° by default.",
             show_default=False,
         ),
     ] = None,
     slow: Annotated[
         float | None,
         typer.Option(
-            help=f"Distance from which on nothing is said; {np.degrees(SLOW):g}° if not given.",
+            help=f"Distance beyond which there is no warning; {np.degrees(SLOW):g}° by default.",
             show_default=False,
         ),
     ] = None,
@@ -160,12 +159,12 @@ def watch_states(
 ) -> int:
     """Warn when joint states come near a singular posture.
 
-    The states come as a stream, one a line; the warning comes before the arm is near.
+    The states come as a stream, one per line; the warning comes some seconds ahead (--ahead).
 
     Options:
         file ([FILE]): Joint states: lines of JSON with t and q, or name and position, or an .mcap
             file; - is the standard input.
-        ahead: Time ahead that is warned of [s].
+        ahead: How long ahead to warn [s].
         topic: Topic of an .mcap file.
     """
     near, far = opt.radians(stop, deg, STOP), opt.radians(slow, deg, SLOW)

@@ -37,16 +37,16 @@ def run_study(
     show_status: Annotated[bool, typer.Option("--status")] = False,
     dry_run: bool = False,
 ) -> int:
-    """Compute a study chunk by chunk; a stopped one goes on.
+    """Compute a study chunk by chunk, or resume one that was stopped.
 
-    Run the same command again after a stop.
+    To resume, run the same command again.
 
     Options:
         study (STUDY.TOML): See help(spacearm.Study).
-        store: Zarr directory; chunks that are there are kept.
+        store: Zarr directory; chunks that it already has are kept.
         scheduler (tcp://HOST:PORT): Dask scheduler whose workers compute.
         workers: Processes on this machine; by default one per processor.
-        show_status: Only report what is done.
+        show_status: Only report which part is done.
         dry_run: Only estimate time and disk.
     """
     read = sa.Study.read(study)

@@ -39,18 +39,19 @@ def view_configuration(
 ) -> None:
     """Show a posture or play a motion in the browser.
 
-    Its page has sliders for the joints. Ctrl-C ends it.
+    The page has sliders for the joints. Ctrl-C closes it.
 
     Options:
-        q ([Q1 Q2 ...]): Joint values [rad] or [m]; a regular posture if left out.
+        q ([Q1 Q2 ...]): Joint values [rad], with --deg in degrees; of sliding joints [m]; a
+            regular posture by default.
         motion (NPZ): Play a motion written by --save of plan or simulate.
-        fly: Begin with the tip led by keyboard or gamepad.
+        fly: Begin by flying the tip with keyboard or gamepad.
         port: Port of the page; by default the first free one from 7400 on.
         no_open: Serve the page, do not open a browser.
         save (HTML): Write one self-contained page and exit.
         png (PNG): Write a picture and exit.
         video (FILE): Write a video of the motion and exit: .mp4, .webm or .gif; or .zip of
-            pictures, 30 a second.
+            pictures, 30 per second.
     """
     with undisturbed():
         if motion:

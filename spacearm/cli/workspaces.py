@@ -20,16 +20,12 @@ from spacearm.workspaces.path_dependent import EFFORT
 
 COUNT = 9
 """Values of a range whose number is not given."""
-NOTHING_FREE = (
-    "No workspace has a path independent part; --risk compares how many postures are near a "
-    "singular one."
-)
 
 Effort = Annotated[
     int | None,
     typer.Option(
-        help=f"Number of singular configurations that the search starts from, {EFFORT:,} if not "
-        "given; only for arms of more than 3 joints.",
+        help=f"Number of singular configurations that the search starts from, {EFFORT:,} by "
+        "default; only for arms of more than 3 joints.",
         min=1,
         show_default=False,
     ),
@@ -48,11 +44,11 @@ def compute_workspace(
 ) -> Answer:
     """Compute the path dependent and path independent workspaces.
 
-    Ctrl-C keeps what there is.
+    Ctrl-C keeps the results so far.
 
     Options:
         seed: Seed of that search.
-        free: The free workspace too (Vafa & Dubowsky); takes as long as the rest.
+        free: Compute the free workspace too (Vafa & Dubowsky); takes as long as the rest.
         path: Tip path to draw: a text file with one point per line, from the CM [m].
     """
     points = None if path is None else _points(path)
@@ -93,11 +89,11 @@ def compute_risk(
 ) -> Answer:
     """Estimate how many postures are near a singularity.
 
-    Postures are counted by the tip's distance from the system CM. Ctrl-C keeps what there is.
+    Postures are counted by the tip's distance from the system CM. Ctrl-C keeps the results so far.
 
     Options:
         near: Distance to the singular set up to which a posture is near [rad], with --deg in
-            degrees; 5 degrees if not given.
+            degrees; 5 degrees by default.
         bins: Number of distance classes.
         samples: Number of postures.
         seed: Seed of the sample.
@@ -119,15 +115,13 @@ def sweep_designs(
     mode: opt.Mode = "free-floating",
     limits: opt.Limits = False,
     effort: Effort = None,
-    risk: bool = False,
 ) -> Answer:
     """Compare designs: masses, lengths, the mounting point.
 
-    They are compared by the path independent share of the workspace. Ctrl-C keeps what is done.
+    They are compared by the path independent share of the workspace and, where the spacecraft
+    floats, by the share of postures near a singular one. Ctrl-C keeps the designs done so far.
 
     Options:
-        risk: Also the share of postures near a singular one, which tells designs apart whose
-            workspaces are path dependent everywhere.
         vary (NAME=A[:B[:COUNT]]): A parameter and its values: base_mass (the inertia grows with
             it), payload, mass:LINK [kg], length:LINK [m], base_inertia (a factor), mount_x,
             mount_y, mount_z [m]; may be repeated.
@@ -136,8 +130,8 @@ def sweep_designs(
     grid = {name: _values(name, values) for name, _, values in pairs}
     with working("designs") as progress:
         result = workspaces(
-            arm, grid, mode=mode, limits=limits, effort=effort, risk_bins=int(risk),
-            progress=progress,
+            arm, grid, mode=mode, limits=limits, effort=effort,
+            risk_bins=int(mode == "free-floating"), progress=progress,
         )  # fmt: skip
     done, of = int(result["done"].sum()), result["done"].size
     if done < of:
@@ -174,7 +168,6 @@ class Designs(Described):
         return Description(
             title=f"{found.attrs['arm']}, {found.attrs['base_mode']}",
             verdict=f"{len(rows)} of {found['done'].size} designs",
-            notes=[] if near or (found["fraction"] > 0.0).any() else [NOTHING_FREE],
             tables=(Table((*heads, *(head for _, head in shares), "path dependent [m]"), rows),),
         )
 

@@ -397,6 +397,7 @@ class SpaceArm(JointSpace, Described):
             "tips" if len(self.tips) > 1 else "tip": f"{', '.join(self.tips)} ({self.tip_reason}); "
             "another one: tip=LINK",
             "task": task,
+            "first joint, spacecraft frame": Measure(self.mount.translation, "m"),
             "system CM at q = 0, spacecraft frame": Measure(self.at(np.zeros(self.n)).com, "m"),
         }
         lumps = [

@@ -66,7 +66,7 @@ SPATIAL = ("ets7", "--task", "position", *(
     word for joint in "456" for word in ("--lock", f"joint_{joint}=0.3")
 ))  # fmt: skip
 MORE = {
-    "design": (*SPATIAL, "--vary", "base_inertia=2", "--risk"),
+    "design": (*SPATIAL, "--vary", "base_inertia=2"),
     "workspace": (*SPATIAL, "--mode", "fixed"),
     "simulate": ("planar2", "--deg", -57.936, 60.337, "--attitude", 0, 0, 21, "--with",
                  "origin=cm", "--target", 1.5, 1.5, "--with", "stop=singularity"),
@@ -181,3 +181,4 @@ def test_a_map_that_is_read_in_another_program(folder):
     for name in ("pdw", "fraction"):
         np.testing.assert_allclose(design[name], whole[name], atol=1e-9)
     assert design["areas"]["piw"] == pytest.approx(whole["areas"]["piw"])
+    assert 0.0 < design["near_share"] < 1.0  # tells designs apart whose fractions are all 0
