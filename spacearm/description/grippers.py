@@ -2,9 +2,11 @@
 
 A finger is a short, light branch behind a body that an arm moves, its palm. Lengths count relative
 to the arm and masses relative to what the arm moves, so that units do not matter. What tells
-fingers from a wrist: there are three or more, or two with as many joints, or one moves as the other
-does (mimic joints), or they are named so. A single moving jaw is told by its name, by a frame for a
-tool on the body that it is hinged to, or by the shape of that body, which reaches along the jaw.
+fingers from a wrist: there are three or more, or two that are alike, or one moves as the other does
+(mimic joints), or they are named so. Branches that end in hands of their own are arms, and so are
+two that have more joints than the arm before them, or axes that are not parallel. A single jaw is
+told by its name, by a frame for a tool on the body that it is hinged to, by the shape of that body,
+which reaches along the jaw, or by how it moves: little, across the palm, or from zero to one side.
 """
 
 from __future__ import annotations
@@ -29,6 +31,17 @@ LIGHT = 1.0
 """Heaviest set of fingers, as a share of the mass that the arm moves up to them."""
 ALONG = 0.8
 """How far the body that carries a jaw reaches along it, as a share of the jaw, if it is one."""
+STROKE = 0.1
+"""Longest way that a single jaw slides that only its motion tells, as a share of the way from the
+first joint of the arm to it."""
+SMALL = 0.15
+"""Longest jaw that only its motion tells, as a share of that way."""
+ONE_SIDED = 0.15
+"""How far such a jaw turns past zero, as a share of its range."""
+ACROSS = 0.7
+"""Cosine of the least angle between the slide of such a jaw and the way from its palm to it."""
+ALIKE = 3.0
+"""How many times as heavy or long as the other one of two fingers may be."""
 MOST_JOINTS = (3, 5)
 """Most joints of a finger that no name tells: of two fingers, of more, as a thumb has.
 
@@ -80,6 +93,11 @@ class _Branch:
         self.extent: float = max(reach, 0.0 if part is None else _length(part.origin))
 
     @property
+    def freedoms(self) -> int:
+        """Number of joints that mimic no other."""
+        return sum(joint.mimic is None for joint in self.joints)
+
+    @property
     def stroke(self) -> float:
         """How far the first joint slides [m]; 0 without limits."""
         stroke = self.first.upper - self.first.lower if self.first.kind == "prismatic" else 0.0
@@ -98,27 +116,50 @@ class _Grippers:
             self._branches[joint.name] = branch = _Branch(tree, joint, behind[joint.child][::-1])
             behind[joint.parent].append(branch)
         self.found: dict[str, tuple[str, ...]] = {}
-        for palm, links in self._lumps.items():
+        for palm, links in reversed(self._lumps.items()):  # hands before what carries them
             out = [b for link in links for b in behind[link][::-1] if b.first.movable]
             if out and palm != tree.root and self._are_fingers(palm, out):
                 self.found[palm] = tuple(sorted(branch.first.name for branch in out))
 
     def _are_fingers(self, palm: str, branches: Sequence[_Branch]) -> bool:
         """Whether what moves behind a body is fingers, by its names or its shape."""
-        short = SHORT * self._way(palm, branches)
-        if max(branch.extent for branch in branches) > short or self._have_tool(branches):
+        way = self._way(palm, branches)
+        if max(branch.extent for branch in branches) > SHORT * way or self._have_tool(branches):
+            return False
+        if any(self._ends_in_hand(palm, branch) for branch in branches):
             return False
         names = [name for b in branches for name in (b.first.name, b.first.child)]
         if any(is_finger(name, self._common) for name in names):
             return True
-        joints = [sum(j.mimic is None for j in b.joints) for b in branches]
-        if max(joints) > MOST_JOINTS[len(branches) > 2]:
+        if max(branch.freedoms for branch in branches) > MOST_JOINTS[len(branches) > 2]:
             return False
         if len(branches) == 1:
-            told = branches[0].stroke <= short and self._jaw(palm, branches[0])
+            told = self._jaw(palm, branches[0], way)
         else:
-            told = len(branches) > 2 or len(set(joints)) == 1 or self._coupled(branches)
+            told = len(branches) > 2 or self._coupled(branches) or self._pair(palm, *branches)
         return told and self._light(palm, branches)
+
+    def _ends_in_hand(self, palm: str, branch: _Branch) -> bool:
+        """Whether fingers branch two joints or more behind a palm: what carries them is an arm."""
+        found = {link: self.found.get(link, ()) for link in branch.links}
+        hands = [self._freedoms(hand) for hand, first in found.items() if len(first) > 1]
+        return max(hands, default=0) - self._freedoms(palm) > 1
+
+    def _freedoms(self, link: str) -> int:
+        """Return the number of joints on the way to a link that mimic no other."""
+        return sum(joint.mimic is None for joint in self._tree.movable(link))
+
+    def _pair(self, palm: str, one: _Branch, other: _Branch) -> bool:
+        """Whether two branches are alike as two fingers are, rather than two arms."""
+        sizes = [(b.mass, b.extent) for b in (one, other)]
+        if one.freedoms != other.freedoms or any(
+            max(pair) > ALIKE * min(pair) for pair in zip(*sizes, strict=True)
+        ):
+            return False
+        if one.freedoms == 1:
+            return True
+        turning = [joint for joint in (*one.joints, *other.joints) if joint.kind != "prismatic"]
+        return one.freedoms <= self._freedoms(palm) and parallel(self._tree, turning)
 
     def _way(self, palm: str, branches: Sequence[_Branch]) -> float:
         """Return the length of the arm up to the farthest joint of the branches [m]."""
@@ -141,12 +182,44 @@ class _Grippers:
         ranks = [self._tip_rank(branch.links) for branch in branches]
         return ranks != [ranks[0]] * max(2, len(ranks)) and ranks.count(None) < len(ranks)
 
-    def _jaw(self, palm: str, branch: _Branch) -> bool:
-        """Whether the only branch behind a body is a jaw, whose name does not say so."""
-        if len(branch.joints) > 1 or not self._hinged(branch.first):
+    def _jaw(self, palm: str, branch: _Branch, way: float) -> bool:
+        """Whether the only branch behind a body is a jaw, or two of which one carries the other.
+
+        Args:
+            palm: The body.
+            branch: The branch.
+            way: Length of the arm up to it [m].
+        """
+        joint, slides = branch.first, branch.first.kind == "prismatic"
+        if len(branch.joints) > 1:
+            return slides and self._opposed(branch)
+        if joint.mimic or not self._hinged(joint) or branch.stroke > SHORT * way:
             return False
         named = self._tip_rank(self._lumps[palm]) is not None
-        return named or grasps(branch.first.name, self._common) or self._closes(palm, branch)
+        if named or grasps(joint.name, self._common) or self._closes(palm, branch):
+            return True
+        if branch.extent > SMALL * way or branch.mass > self._tree.bodies[palm].mass:
+            return False
+        if slides:
+            return 0.0 < branch.stroke <= STROKE * way and self._across(palm, joint)
+        ends = sorted((abs(joint.lower), abs(joint.upper)))
+        return ends[0] <= ONE_SIDED * (joint.upper - joint.lower)
+
+    def _opposed(self, branch: _Branch) -> bool:
+        """Whether two slides in a row, the second led by the first, move two links oppositely."""
+        first, last = branch.joints[0], branch.joints[-1]
+        if len(branch.joints) > 2 or not last.mimic or last.mimic.leader != first.name:
+            return False
+        axes = [self._tree.frames[joint.child].rotation @ joint.axis for joint in (first, last)]
+        both = 1.0 + last.mimic.multiplier * float(axes[0] @ axes[1])
+        return last.kind == "prismatic" and both < 0.0
+
+    def _across(self, palm: str, joint: Joint) -> bool:
+        """Whether a joint slides across the way from the origin of its palm to what it moves."""
+        frames, body = self._tree.frames, self._tree.bodies[joint.child]
+        along = frames[joint.child].act(body.origin.translation) - frames[palm].translation
+        moves = abs(float(along @ frames[joint.child].rotation @ joint.axis))
+        return moves < ACROSS * float(np.linalg.norm(along))
 
     def _closes(self, palm: str, branch: _Branch) -> bool:
         """Whether a body reaches as far along a jaw at zero as the jaw, as a fixed finger does."""
@@ -187,6 +260,16 @@ class _Grippers:
         return len(alone) > len(set(alone))
 
 
+PARALLEL = 1e-6
+"""Sine of the angle up to which two axes are parallel."""
+
+
+def parallel(tree: Tree, joints: Iterable[Joint]) -> bool:
+    """Whether the axes of all these joints are parallel, joints at zero."""
+    axes = [tree.frames[joint.child].rotation @ joint.axis for joint in joints]
+    return all(float(np.linalg.norm(np.cross(axis, axes[0]))) < PARALLEL for axis in axes)
+
+
 def _length(pose: pin.SE3) -> float:
     return float(np.linalg.norm(pose.translation))
 
@@ -212,8 +295,8 @@ WRISTS = frozenset(
     {"wrist", "roll", "pitch", "yaw", "rotate", "rotation", "pan", "tilt", "twist", "swivel"}
 )
 SENSORS = re.compile(
-    r"camera|optical|imu|sensor|laser|lidar|rgb|depth|infra|marker|led$|range$|accelero|gyro|"
-    r"visual|collision"
+    r"camera|optical|imu|sensor|laser|lidar|sonar|rgb|depth|infra|marker|led$|range$|accelero|gyro|"
+    r"touch|tactile|bumper|torque|visual|collision"
 )
 """Words of frames that only measure or draw."""
 

@@ -71,6 +71,7 @@ def found(*parts: str, **options) -> sa.SpaceArm:
         (["end_effector_link", "adapter_base"], "end_effector_link"),
         (["link_eef", "gripper_base_link", "link_tcp"], "link_tcp"),
         (["wristForceSensor", "leftPalm", "imuLink"], "leftPalm"),
+        (["hand", "hand_force_torque", "HandTouchBack_frame"], "hand"),
         (["arm_tool_link", "ft_body", "probe"], "arm_tool_link"),
         (["grasp_frame", "bracket"], "grasp_frame"),
         (["mount", "plate"], "plate"),
@@ -268,6 +269,14 @@ GRIPPERS = {
         )
     ],
     "one jaw by its name": finger("moving_jaw", "l_4", "revolute", slide(-0.2, 2), axis=(0, 1, 0)),
+    "one jaw that turns from zero to one side": finger("a", "l_4", "revolute", slide(-0.1, 1.5)),
+    "one that slides across": finger("a", "l_4", inside=slide(0, 0.04), axis=(0, 1, 0)),
+    "two that slide apart in a row": [
+        *finger("a", "l_4", inside=slide(0, 0.04), axis=(0, 1, 0)),
+        *finger(
+            "b", "a", inside=slide(0, 0.1, MIMIC.replace("-1", "2")), axis=(0, -1, 0), xyz=(0, 0, 0)
+        ),
+    ],
     "one jaw by its joint": [
         link("part", 0.05, (0.03, 0.01, 0), 1e-5 * np.eye(3)),
         joint("gripper", "l_4", "part", xyz=(0.05, 0, 0), axis=(0, 1, 0), inside=slide(-0.2, 2)),
@@ -362,7 +371,7 @@ def test_a_jaw_is_told_by_the_finger_beside_it(tag, reach, tip):
 
     jaw = [
         link("x", 0.05, (0.05, 0.02, 0), 1e-5 * np.eye(3), box(0.1, 0.01)),
-        joint("y", "l_5", "x", xyz=(0.1, 0, 0), inside=slide(-0.1, 1.5)),
+        joint("y", "l_5", "x", xyz=(0.1, 0, 0), inside=slide(-0.7, 0.9)),
     ]
     palm = link("l_5", 0.4, (0.1, 0, 0), 1e-3 * np.eye(3), box(0.1 + reach, -0.02))
     arm = found(*ARM, palm, joint("j_5", "l_4", "l_5", xyz=(0.4, 0, 0)), *jaw)
@@ -371,7 +380,7 @@ def test_a_jaw_is_told_by_the_finger_beside_it(tag, reach, tip):
 
 
 def test_a_jaw_beside_a_frame_for_a_tool():
-    jaw = finger("part", "l_4", "revolute", slide(-0.2, 2), axis=(0, 1, 0))
+    jaw = finger("part", "l_4", "revolute", slide(-0.9, 0.9), axis=(0, 1, 0))
     assert found(*ARM, *jaw).tip == "part"
     arm = found(*ARM, *jaw, *fixed("tcp", "l_4"))
     assert (arm.tip, list(arm.held)) == ("tcp", ["drive_part"])
@@ -393,6 +402,22 @@ WRISTS = {
     "a last joint that mimics another": (
         link("last", 0.1, (0.02, 0.01, 0), 1e-4 * np.eye(3)),
         joint("j_5", "l_4", "last", inside=slide(-1, 1, '<mimic joint="j_l_3"/>')),
+    ),
+    "a short last joint that turns to both sides": finger("last", "l_4", inside=slide(-0.9, 0.9)),
+    "a plunger along the last link": (
+        link("last", 0.05, (0.03, 0, 0), 1e-5 * np.eye(3)),
+        joint(
+            "j_5", "l_4", "last", "prismatic", (0.4, 0, 0), axis=(1, 0, 0), inside=slide(0, 0.05)
+        ),
+    ),
+    "a stage that slides far across": finger("last", "l_4", inside=slide(0, 0.4), axis=(0, 1, 0)),
+    "two stages that slide out together": [
+        *finger("a", "l_4", inside=slide(0, 0.1), axis=(0, 1, 0)),
+        *finger("last", "a", inside=slide(0, 0.1, MIMIC.replace("-1", "1")), axis=(0, 1, 0)),
+    ],
+    "a heavy bucket": (
+        link("last", 3.0, (0.1, 0.1, 0), 0.01 * np.eye(3)),
+        joint("j_5", "l_4", "last", xyz=(0.4, 0, 0), inside=slide(0, 2)),
     ),
     "a boom that slides out beside a frame": (
         *fixed("tool0", "l_4"),
@@ -418,18 +443,31 @@ def test_a_wrist_is_no_jaw(wrist):
     assert arm.tip in ("hand", "last", "tool0")
 
 
-def test_two_small_arms_on_a_boom_are_no_fingers():
-    boom = [link("boom", 300.0, (8, 0, 0)), joint("root", "bus", "boom")]
-    arms = [*arm_of(7, "left", "boom"), *arm_of(7, "right", "boom")]
-    with pytest.raises(sa.ModelError, match="2 links could be the tip: left_7, right_7"):
-        found(BUS, *boom, *arms)
+BOOM = [link("boom", 300.0, (8, 0, 0)), joint("root", "bus", "boom")]
 
 
-def test_two_arms_of_four_joints_on_a_boom_are_no_fingers():
-    boom = [link("boom", 300.0, (8, 0, 0)), joint("root", "bus", "boom")]
-    arms = [*arm_of(4, "left", "boom"), *arm_of(4, "right", "boom")]
-    with pytest.raises(sa.ModelError, match="2 links could be the tip: left_4, right_4"):
-        found(BUS, *boom, *arms)
+@pytest.mark.parametrize("n", [2, 3, 4, 7])
+def test_two_small_arms_on_a_boom_are_no_fingers(n):
+    arms = [*arm_of(n, "left", "boom"), *arm_of(n, "right", "boom")]
+    with pytest.raises(sa.ModelError, match=f"2 links could be the tip: left_{n}, right_{n}"):
+        found(BUS, *BOOM, *arms)
+
+
+@pytest.mark.parametrize("n", [2, 3, 4])
+@pytest.mark.parametrize("gripper", ["two that slide apart", "three of two joints"])
+def test_two_arms_with_hands_on_a_long_torso_are_no_fingers(n, gripper):
+    """Whatever they are called, and as light as they may be."""
+    torso = [*BOOM, link("x"), joint("y", "boom", "x", axis=(0, 1, 0)), *arm_of(3, "t", "x")]
+    arms = [*arm_of(n, "p", "t_3", 0.1), *arm_of(n, "q", "t_3", 0.1)]
+    palms = (f"p_{n}", f"q_{n}")
+    for palm in palms:
+        for part in GRIPPERS[gripper]:
+            own = re.sub(r'"(drive_)?([a-c](_2)?)"', rf'"\1\2_of_{palm}"', part)
+            arms.append(own.replace('"l_4"', f'"{palm}"'))
+    with pytest.raises(sa.ModelError, match=f"2 links could be the tip: {', '.join(palms)};"):
+        found(BUS, *torso, *arms)
+    both = found(BUS, *torso, *arms, tip=palms)
+    assert (both.n, len(both.held)) == (5 + 2 * n, len(GRIPPERS[gripper]))
 
 
 def test_a_hand_alone_is_a_question():
@@ -533,10 +571,20 @@ def test_names_order_and_units_do_not_matter(tree, seed, length, mass):
         assert {back[link] for link in chosen} == set(again)
 
 
+def anything(rng: np.random.Generator, names) -> dict[str, str]:
+    """Names without meaning in place of some, each of a few letters and a number."""
+    made = ("".join(rng.choice(list("qwxzvk"), 4)) + str(i) for i in rng.permutation(len(names)))
+    return dict(zip(names, made, strict=True))
+
+
 @given(seeds, st.integers(2, 7), st.sampled_from(sorted(GRIPPERS)))
 @settings(max_examples=60, deadline=None)
 def test_random_arms_with_grippers_end_in_their_palms(seed, n, gripper):
-    """Any chain of at least 2 joints with long links, any gripper behind it."""
+    """Any chain of at least 2 joints with long links, any gripper behind it, whatever the names.
+
+    Names that tell of a gripper by themselves are kept. A second, shorter arm and a panel are
+    beside it.
+    """
     assume(n > 2 or "as heavy as the arm" not in gripper)  # either could be the arm
     rng = np.random.default_rng(seed)
     parts = [BUS, *arm_of(4)[:2]]
@@ -544,11 +592,21 @@ def test_random_arms_with_grippers_end_in_their_palms(seed, n, gripper):
         name = "l_4" if i == n else f"m_{i}"
         before = "l_1" if i == 2 else f"m_{i - 1}"
         axis = rng.normal(size=3)
-        xyz = rng.uniform(0.2, 0.6) * np.eye(3)[rng.integers(3)]
+        xyz = rng.uniform(0.45, 0.7) * np.eye(3)[rng.integers(3)]
         parts += [
             link(name, rng.uniform(1, 9), rng.uniform(-0.2, 0.2, 3)),
             joint(f"j_{i}", before, name, xyz=xyz, rpy=rng.uniform(-3, 3, 3), axis=axis),
         ]
-    arm = found(*parts, *GRIPPERS[gripper])
-    assert (arm.n, arm.tip) == (n, "l_4")
+    turned = f'rpy="{" ".join(map(str, rng.uniform(-3, 3, 3)))}"'
+    hand = [frame("turned"), joint("to_turned", "l_4", "turned", "fixed", xyz=(0, 0, 0))]
+    hand[1] = hand[1].replace('rpy="0.0 0.0 0.0"', turned)
+    hand += [part.replace('"l_4"', '"turned"') for part in GRIPPERS[gripper]]
+    text = robot(*parts, *hand, *arm_of(max(1, n // 2), "other"), *fixed("panel", "bus", 2.0))
+    kept = re.findall(r'"([a-z_0-9]*(?:thumb|jaw|gripper)[a-z_0-9]*)"', text)
+    names = sorted(set(re.findall(r'name="(\w+)"|(?:link|joint)="(\w+)"', text)))
+    names = sorted({one or two for one, two in names} - {*kept, "r"})
+    new = anything(rng, names)
+    arm = load_text(re.sub(r'"(\w+)"', lambda m: f'"{new.get(m[1], m[1])}"', text))
+    assert arm.n == n
+    assert arm.whole.body_of[arm.tip] == new["l_4"]
     assert not {j.name for j in arm.whole.movable(arm.tip)} & arm.held.keys()

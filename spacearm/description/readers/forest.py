@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.description.bodies import Inertial, Joint
-from spacearm.description.grippers import fingers
+from spacearm.description.grippers import PARALLEL, fingers
 from spacearm.description.readers.source import Source
 from spacearm.description.shapes import Visuals
 from spacearm.description.tree import Tree, free_name
@@ -217,10 +217,6 @@ def check_mimics(source: Source, joints: dict[str, Joint]) -> None:
             seen.add(mimic.leader)
             mimic = joints[mimic.leader].mimic
         sound |= seen & movable.keys()
-
-
-PARALLEL = 1e-6
-"""Sine of the angle up to which two axes are parallel."""
 
 
 def with_floating_base(source: Source, tree: Tree) -> Tree:
