@@ -59,6 +59,8 @@ attitudes: missions.find_attitudes
     Find the attitudes from which the tip can follow a path.
 catch: missions.find_catch
     Find when and how the arm catches a tumbling target.
+hold: missions.hold_target
+    Find a posture in which tips hold a target; what they can do.
 identify: missions.identify_held
     Identify what the hand holds from measured rates.
 reaction: missions.report_reaction

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
+import pinocchio as pin
 import typer
 
 import spacearm as sa
 from spacearm.cli import options as opt
-from spacearm.cli.output import out, working
+from spacearm.cli.output import Answer, err, out, working
 from spacearm.cli.questions import (
     With,
     constraints_of,
@@ -22,6 +24,7 @@ from spacearm.cli.questions import (
 )
 from spacearm.cli.wording import NUMBER, join_numbers
 from spacearm.export.motion_files import read_measured
+from spacearm.files import write
 from spacearm.mission.attitudes import MARGIN
 from spacearm.singularities.risk import NEAR
 
@@ -105,6 +108,75 @@ def find_catch(
             search=search_of(asked.inner("search"), progress),
             **asked.some(*told),
         )
+
+
+@opt.answering("held")
+def hold_target(
+    arm: sa.SpaceArm,
+    q: opt.JointValues = None,
+    target: Path | None = None,
+    grasp: list[str] | None = None,
+    fixed: bool = False,
+    attitude: opt.Attitude = None,
+    mode: opt.Mode = "free-floating",
+    first_order: bool = False,
+    no_limits: opt.NoLimits = False,
+    more: With = None,
+    save: opt.Written = None,
+    deg: bool = False,
+) -> Answer:
+    """Find a posture in which tips hold a target; what they can do.
+
+    Joints and target move from a rough start until all grasps are closed. Then it is said whether
+    the closed chain is singular, what is lost, and the way out.
+
+    --with gives more of what sa.hold takes: start, seed.
+
+    Options:
+        target (TOML): What is held, and roughly where, by the names of sa.Target, as of spacearm
+            catch; without it the fixed world is held, such as handrails of a station.
+        grasp (TIP=FRAME|TIP=X,Y,Z[,R,P,Y]): What a tip holds: a grapple frame of the target, or a
+            pose in its frame, of the fixed world in the inertial frame; once for each tip.
+        fixed: Keep the target where it is; of the fixed world, keep the spacecraft.
+        first_order: Estimate the distance only: do not find the nearest singular posture.
+        save (TOML): Write the posture, which commands take in place of joint values.
+    """
+    given = {tip: frame for tip, _, frame in (text.partition("=") for text in grasp or [])}
+    if not given:
+        raise sa.ConfigurationError("there are no grasps; give --grasp TIP=FRAME for each tip")
+    if set(arm.tips) != set(given):
+        arm = arm.replace(tip=list(given))
+    asked = question(more, "start", "seed")
+    start = start_of(arm, asked, q, attitude, deg)
+    held = sa.hold(
+        start,
+        None if target is None else target_of(target),
+        {tip: _grasp(tip, frame, deg) for tip, frame in given.items()},
+        fixed=fixed,
+        limits=not no_limits,
+        **asked.some("seed"),
+    )
+    if held.tries > 1:
+        err.print("spacearm: note: the start leads to no closed posture; a random one did")
+    written = list[Path]()
+    if save:
+        base = held.configuration.base
+        xyz, rpy = base.translation.tolist(), pin.rpy.matrixToRpy(base.rotation).tolist()
+        place = f"base = {{xyz = {xyz}, rpy = {rpy}}}"
+        written.append(write(save, f"[start]\nq = {held.q.tolist()}\n{place}\n".encode()))
+    with working("searching") as progress:
+        report = held.report(mode=mode, exact=not first_order, progress=progress)
+    return Answer(report, told={"grasps": held.to_dict()["grasps"]}, written=written)
+
+
+def _grasp(tip: str, text: str, deg: bool) -> str | pin.SE3:
+    """Return the name of a frame, or the pose that numbers mean."""
+    if not NUMBER.fullmatch(text.partition(",")[0].strip()):
+        return text
+    option, count = f"--grasp {tip}=...", 3 if text.count(",") < 3 else 6
+    values = opt.numbers(option, text, count)
+    turn = values[3:] if count == 6 else np.zeros(3)
+    return sa.pose(values[:3], np.radians(turn) if deg else turn)
 
 
 @opt.answering("identified")

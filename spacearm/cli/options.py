@@ -27,8 +27,10 @@ from spacearm.description.tree import Tree, Wheels
 from spacearm.errors import listed, unknown, warn
 from spacearm.files import read, writable
 from spacearm.model.arguments import BaseMode
+from spacearm.model.joints import joint_vector
 from spacearm.motion.goal import Goal, goal_of, goal_pose
 from spacearm.motion.motion_file import check_suffix
+from spacearm.sweeps.toml import Table, parse, text_of
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -53,7 +55,8 @@ JointValues = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="Q1 Q2 ...",
-        help="Joint values [rad], with --deg in degrees; of sliding joints [m].",
+        help="Joint values [rad], with --deg in degrees; of sliding joints [m]. Or a TOML file "
+        "with [start], as hold --save writes it.",
     ),
 ]
 Attitude = Annotated[
@@ -339,7 +342,9 @@ def assignments(option: str, texts: list[str] | None) -> dict[str, float]:
 
 
 def joint_values(arm: sa.SpaceArm, words: Sequence[str | float], deg: bool) -> Array:
-    """Parse joint values; return them in radians and metres."""
+    """Parse joint values, or read those of a saved posture; return them in radians and metres."""
+    if "q" in (saved := saved_start(words).values):
+        return joint_vector(arm, saved["q"], f"q in {words[0]}")
     values = [_number(word) for word in words]
     if len(values) != arm.n:
         raise sa.ConfigurationError(
@@ -353,7 +358,27 @@ def configuration(
     arm: sa.SpaceArm, words: Sequence[str | float] | None, attitude: Three | None, deg: bool
 ) -> sa.Configuration:
     """Return the configuration that joint values and the spacecraft's attitude mean."""
-    return arm.at(joint_values(arm, words or [], deg), base=spacecraft_pose(attitude, deg))
+    saved = saved_start(words)
+    base, more = place_in(saved), saved.some("wheels", "momentum")
+    if attitude is not None:
+        base.rotation = spacecraft_pose(attitude, deg).rotation
+    return arm.at(joint_values(arm, words or [], deg), base=base, **more)
+
+
+def saved_start(words: Sequence[str | float] | None) -> Table:
+    """Return the table `start` of the TOML file that is given in place of joint values, if any."""
+    path = str(words[0]) if words and len(words) == 1 else ""
+    text = text_of(path, "the posture") if path.endswith(".toml") else ""
+    start = parse(text, path).inner("start") if text else Table(path, {})
+    start.knows("q", "base", "wheels", "momentum")
+    return start
+
+
+def place_in(start: Table) -> pin.SE3:
+    """Return the pose that a table `start` gives the spacecraft: base = {xyz, rpy}."""
+    place = start.inner("base")
+    place.knows("xyz", "rpy")
+    return sa.pose(**place.values)
 
 
 def spacecraft_pose(attitude: Three | None, deg: bool) -> pin.SE3:

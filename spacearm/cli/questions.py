@@ -129,7 +129,8 @@ def start_of(
     """
     start = given.inner("start")
     start.knows("q", "base", "wheels", "momentum")
-    values = dict(start.values)
+    saved = opt.saved_start(q)
+    values, place = saved.values | start.values, start if "base" in start.values else saved
     if q:
         values["q"] = opt.joint_values(arm, q, deg)
     if "q" not in values:
@@ -137,9 +138,7 @@ def start_of(
             f"there is no start; give {arm.n} joint values after the name of the model: "
             f"{', '.join(arm.joint_names)}"
         )
-    place = start.inner("base")
-    place.knows("xyz", "rpy")
-    values["base"] = sa.pose(**place.values)
+    values["base"] = opt.place_in(place)
     if attitude is not None:
         values["base"].rotation = opt.spacecraft_pose(attitude, deg).rotation
     cfg = arm.at(values.pop("q"), **values)

@@ -25,6 +25,7 @@ OPTIONS: dict[str, str | Callable[[re.Match[str]], str]] = {
     r"tip=LINK": "--tip LINK",
     r"\btask='([^']+)'": r"--task '\1'",
     r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1/METRES",
+    r"\bfixed=False": "no --fixed",
     r"\bdensity=(?!\w)": "--density RHO",
     r"\ball_branches=True\b": "no joint values",
     r"\bsa\.risk_profile\b": "spacearm risk",

@@ -124,7 +124,10 @@ class HeldReport(Result):
         motions = {"away": self.away} if self.away.any() else {}
         motions |= {f"internal {i}": m for i, m in enumerate(self.internal.T, 1)}
         columns |= {name: without_noise(motion) for name, motion in motions.items()}
+        moved = self.target.pose if self.target else self.configuration.base
         facts: dict[str, Cell] = {
+            f"place of {what}": Measure(moved.translation, "m"),
+            "roll, pitch, yaw": Measure(pin.rpy.matrixToRpy(moved.rotation), "rad"),
             f"directions of {what}": f"{self.available.shape[1]} of {len(self.lost)}",
             "manipulability": Measure(self.manipulability, "", ".6g"),
         }

@@ -18,7 +18,7 @@ from spacearm.closure.held_report import HeldReport, held_report
 from spacearm.errors import ConfigurationError, NoSolutionError, listed
 from spacearm.mechanics.target import Target
 from spacearm.model.arguments import FLOATING, BaseMode
-from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.model.joints import joint_scales
 from spacearm.model.task import ROWS, Task, with_length
@@ -60,6 +60,11 @@ class Held(Result):
     def q(self) -> Array:
         """(n,) joint positions [rad] or [m]."""
         return self.configuration.q
+
+    @property
+    def closed(self) -> bool:
+        """Whether all tips are where they hold; False of the best try of a `NoSolutionError`."""
+        return max(self.gap, self.turn) <= CLOSED
 
     def report(
         self,
@@ -144,7 +149,8 @@ def hold(
     """Find a posture in which the tips of an arm hold one target, near a rough start.
 
     The chain closes by Gauss-Newton steps within the joint limits, of joints and target alike: from
-    the start, then from random postures farther and farther from it.
+    the start, then from random postures farther and farther from it, with the target where it is
+    given or at the first tip. A start whose tips hold already stays; the target is where they do.
 
     Args:
         start: The start. Its arm has all tips that hold: `sa.load(source, tip=["left", "right"])`.
@@ -181,12 +187,20 @@ def hold(
     closure = Closure(arm, tuple(frames.values()), fixed, limits)
     where = start.base.actInv(pin.SE3.Identity() if target is None else target.pose)
     rng, found = generator(seed), list[Held]()
+    hand, q = frames[arm.tips[0]].inverse(), start.q
+    in_hand = start.base.actInv(start.tips[0] * hand)
+    kept = _held(*placed(start, target, q, in_hand), frames, 1)
+    if kept.closed and not (fixed or (limits and start.outside_limits)):
+        return kept
     for tries in range(1, 2 + POSTURES):
-        away = (tries - 1) / POSTURES
-        q = start.q + away * (_anywhere(arm, limits, rng) - start.q)
-        cfg, there = placed(start, target, *closure.solved(q, where))
+        at = where
+        if tries > 1:
+            q = start.q + (tries - 1) / POSTURES * (_anywhere(arm, limits, rng) - start.q)
+            if tries % 2 and not fixed:
+                at = kinematics(arm, q, pin.SE3.Identity()).tips[0] * hand
+        cfg, there = placed(start, target, *closure.solved(q, at))
         found.append(_held(cfg, there, frames, tries))
-        if max(found[-1].gap, found[-1].turn) <= CLOSED:
+        if found[-1].closed:
             return found[-1]
     best = min(found, key=lambda held: held.gap + held.turn)
     raise NoSolutionError(

@@ -44,6 +44,7 @@ COMMANDS = {
     "plan": ("planar2", *CM, "--goal", 0.9, 1.4, *OBSTACLES),
     "follow": ("planar2", *CM, "--path", "corners.csv"),
     "catch": ("chaser7", *CAUGHT, "--window", "20,20", "--with", "wanted=1"),
+    "hold": ("chaser7", *CAUGHT, "--grasp", "tip=side", "--first-order"),
     "detumble": (
         "wheels.urdf",
         *CM,
@@ -72,7 +73,7 @@ MORE = {
                  "origin=cm", "--target", 1.5, 1.5, "--with", "stop=singularity"),
 }  # fmt: skip
 """What has in it what the others have not: volumes, events."""
-NUMBERED = {"percentiles", "held", "parameters", "joints_of", "recipe"}
+NUMBERED = {"percentiles", "held", "parameters", "joints_of", "recipe", "grasps", "grapples"}
 """Objects whose keys are data: names of joints, of parameters, percentages."""
 
 

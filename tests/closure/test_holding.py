@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.arms import planar_pair, random_base
+from helpers.arms import chosen, planar_pair, random_base
 from helpers.closed import debris, rough, several
 
 import spacearm as sa
@@ -51,6 +51,19 @@ def test_grasps_close_from_a_rough_start(counts):
         held.configuration.base.homogeneous, start.base.homogeneous, atol=1e-12
     )
     assert held.target.mass == target.mass
+
+
+def test_a_target_given_far_from_the_hands_is_reached_from_other_starts():
+    rng = chosen(8)
+    start, target, grasps = rough(several(rng, (6, 6)), rng, off=0.3)
+    target = target.replace(pose=random_base(rng) * target.pose)
+    held = sa.hold(start, target, grasps, limits=False)
+    assert max(held.gap, held.turn) <= 1e-9
+    kept = sa.hold(held.configuration, target, grasps, limits=False)
+    np.testing.assert_array_equal(kept.q, held.q)
+    np.testing.assert_allclose(
+        kept.target.pose.homogeneous, held.target.pose.homogeneous, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("fixed", [False, True])
