@@ -77,6 +77,7 @@ def find_catch(
     q: opt.JointValues = None,
     window: str = "0,60",
     grapple: str | None = None,
+    mode: opt.MaybeMode = None,
     attitude: opt.Attitude = None,
     more: With = None,
     deg: bool = False,
@@ -86,7 +87,7 @@ def find_catch(
     The tip has the target's velocity at contact; then the joints brake both.
 
     --with gives what else sa.catch takes: start, approach, closing, touching, bears, wanted,
-    constraints, search.
+    mode, constraints, search.
 
     Options:
         target (TOML): The target, by the names of sa.Target: body (a robot file, or mass, size,
@@ -94,8 +95,8 @@ def find_catch(
         window (FROM,TO): Earliest and latest contact [s].
         grapple: Grapple frame to grasp; any of them by default.
     """
-    told = ("approach", "closing", "touching", "bears", "wanted")
-    asked = question(more, "start", "constraints", "search", *told)
+    told = ("approach", "closing", "touching", "bears", "wanted", "mode")
+    asked = question(more, "start", "constraints", "search", *told, mode=mode)
     start = start_of(arm, asked, q, attitude, deg)
     early, late = opt.numbers("--window", window, 2).tolist()
     with working("trying contacts", searches=True) as progress:

@@ -33,7 +33,7 @@ from spacearm import results
 from spacearm.arrays import Array, finite, positive
 from spacearm.errors import ConfigurationError, ModelError, unknown
 from spacearm.model.arguments import BaseMode, free_components
-from spacearm.model.arm import Configuration, SpaceArm, still_wheels
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
 from spacearm.results import Description, Measure, Result
@@ -463,7 +463,7 @@ def capture(
         (M + J^T M_t J) v+ = M v- + J^T M_t t-,
 
     with v = (v_b, dq), the target's twist t and spatial inertia M_t at the tip: linear and angular
-    momentum of arm and target together are conserved.
+    momentum of arm and target together are conserved. Wheels keep what they hold.
 
     Args:
         cfg: The arm at the moment of the grasp, with its momentum before.
@@ -483,7 +483,7 @@ def capture(
         ConfigurationError: An argument has the wrong shape or is not finite.
         ModelError: No rigid body can have this mass and inertia, or the mass matrix of the arm is
             not positive definite.
-        UnsupportedError: The arm has several tips, or its wheels hold momentum.
+        UnsupportedError: The arm has several tips.
 
     Example:
         >>> import spacearm as sa
@@ -491,7 +491,6 @@ def capture(
         >>> sa.capture(cfg, [0.02, 0, 0, 0, 0, 0.03], mass=5.0)
         Capture(planar2 after the grasp: 0.000164513 J lost, the spacecraft turns at 0.0114°/s)
     """
-    still_wheels(cfg, "how their motors bear an impact is not known; take them as joints")
     rates = np.zeros(cfg.arm.n) if dq is None else dq
     mass = positive(mass, "mass", "mass [kg]")
     before = generalized_velocity(cfg, rates)
@@ -508,7 +507,8 @@ def capture(
     after = np.zeros_like(h)
     after[:f] = np.linalg.solve(M_held[:f, :f], h[:f])
     dv, dt = after - before, cfg.J @ after - t
-    momentum = held.A @ after
+    held = held.with_wheels(cfg.wheels)  # which spin on as they do, relative to the spacecraft
+    momentum = held.A @ after + held.stored
     return Capture(
         configuration=held.with_momentum(momentum),
         twist=in_inertial_axes(cfg, after[:6]),

@@ -11,6 +11,7 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -26,21 +27,25 @@ from spacearm.errors import (
     unknown,
 )
 from spacearm.mechanics.batch import evaluate
-from spacearm.mechanics.dynamics import generalized_velocity
-from spacearm.mechanics.floating import STEP, move, walk
+from spacearm.mechanics.dynamics import generalized_velocity, momentum_and_torque
+from spacearm.mechanics.floating import STEP, move, placed, walk
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.mechanics.target import Target
 from spacearm.mission.braking import braked, largest_torques, outside
 from spacearm.mission.catch_report import Catch, grasp_of, in_hand, joined
+from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration
-from spacearm.motion.following import follow
+from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import out_of_reach, twist_between
 from spacearm.motion.motion import Motion, samples
+from spacearm.planning.many_curves import drifting_attitudes
 from spacearm.planning.planner import plan
 from spacearm.planning.problem import Problem
+from spacearm.planning.reactions import Wheels, boundless, load_of
 from spacearm.planning.request import Constraints, Joints, PlanRequest, Search
 from spacearm.planning.result import Plan
 from spacearm.planning.strategies.at_rest import by_methods
+from spacearm.planning.strategies.attitude_held import attitude_held
 from spacearm.planning.strategies.drift import ramp_ends, stretched
 from spacearm.planning.timing import PEAK, eased
 from spacearm.singularities.sets import singular_set
@@ -57,7 +62,10 @@ these are sought, at most [s]."""
 
 @dataclass(frozen=True, eq=False)
 class Approach:
-    """What is asked for, checked; see `catch`, and the search for a way to a contact."""
+    """What is asked for, checked; see `catch`, and the search for a way to a contact.
+
+    A held spacecraft moves as one that no joint motion turns: `floats` is the start of that one.
+    """
 
     start: Configuration
     target: Target
@@ -68,6 +76,7 @@ class Approach:
     touching: tuple[str, ...]
     bears: Array
     constraints: Constraints
+    mode: BaseMode
 
     @classmethod
     def of(
@@ -81,13 +90,16 @@ class Approach:
         touching: Sequence[str] | None,
         bears: Sequence[float],
         constraints: Constraints,
+        mode: BaseMode,
     ) -> Approach:
         """Check what was given."""
         arm = start.arm
-        if start.momentum.any() or start.wheels.any():
-            raise UnsupportedError(
-                "the start has momentum on board, and catches begin at zero momentum; "
-                "sa.detumble brings the spacecraft to rest before"
+        if mode not in (FLOATING, HELD):
+            raise ConfigurationError(unknown("mode", mode, (FLOATING, HELD)))
+        if mode == FLOATING and constraints.wheels is not None and not arm.wheels:
+            raise ConfigurationError(
+                f"constraints have wheels, and {arm.name} has none while it floats; give "
+                f"mode={HELD!r}, or name their joints by wheels=[...]"
             )
         if len(arm.tips) > 1 or arm.task.k < 6:
             raise UnsupportedError(
@@ -115,8 +127,32 @@ class Approach:
             start, target, tuple(target.grapples) if grapple is None else (grapple,),
             (float(early), float(late)), positive(approach, "approach", "distance [m]"),
             positive(closing, "closing", "speed [m/s]"), tuple(touching),
-            np.array(most), constraints,
+            np.array(most), constraints, mode,
         )  # fmt: skip
+
+    @cached_property
+    def wheels(self) -> Wheels | None:
+        """The wheels that hold the attitude, if they do."""
+        return Wheels.of(self.start, self.constraints.wheels) if self.mode == HELD else None
+
+    @cached_property
+    def floats(self) -> Configuration:
+        """The start, of a held spacecraft that of one that no joint motion turns."""
+        cfg = self.start
+        if self.mode == FLOATING:
+            return cfg
+        kept = np.append(cfg.momentum[:3], np.zeros(3))
+        return boundless(cfg.arm).at(cfg.q, base=cfg.base, momentum=kept)
+
+    @property
+    def moving(self) -> bool:
+        """Whether the spacecraft drifts or turns whatever the joints do."""
+        return bool(self.floats.momentum.any() or self.floats.wheels.any())
+
+    def drifted(self, t: float) -> Configuration:
+        """Return the start, its system CM where it drifts until a time [s]."""
+        cfg = self.floats
+        return cfg.centred(cfg.com + t * cfg.momentum[:3] / cfg.arm.mass)
 
     @property
     def efforts(self) -> Array:
@@ -137,21 +173,22 @@ class Approach:
         times = np.linspace(early, late, 13) if late > early else np.array([late])
         near = []
         for t in times if late >= early else ():
+            there = self.drifted(float(t))
             for name in self.grapples:
                 pose = self.target.at(float(t), name).pose
-                off = float(np.linalg.norm(pose.translation - self.start.com))
+                off = float(np.linalg.norm(pose.translation - there.com))
                 blocked = pose.act(np.array([0.0, 0.0, -1.0])) - pose.translation
-                facing = blocked @ (self.start.com - pose.translation) / max(off, 1e-9)
-                near.append((bool(out_of_reach(self.start, pose)), -facing, float(t), name))
+                facing = blocked @ (there.com - pose.translation) / max(off, 1e-9)
+                near.append((bool(out_of_reach(there, pose)), -facing, float(t), name))
         return [(t, name) for _, _, t, name in sorted(near)]
 
     def path(
-        self, t: float, grapple: str, first: pin.SE3 | None = None, nodes: int = NODES
+        self, t: float, grapple: str, first: Configuration | None = None, nodes: int = NODES
     ) -> tuple[list[pin.SE3], Array]:
         """Return the poses of the tip from the stand-off to contact at t, and their times [s].
 
-        The first is where the tip rests, at the stand-off if None; the tip then takes up the motion
-        of the stand-off, and closes in. All rates begin and end at zero relative to both.
+        At the first the joints rest, at the stand-off if None; the tip then takes up the motion of
+        the stand-off, and closes in. All rates begin and end at zero relative to both.
         """
         join, close = self.duration
         clock = np.linspace(0.0, join + close, 2 * nodes + 1)
@@ -163,8 +200,21 @@ class Approach:
             pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, -d]))
             for pose, d in zip(frames, away, strict=True)
         ]
-        first = frames[0] if first is None else first
-        return [_between(first, pose, b) for pose, b in zip(frames, joined, strict=True)], clock
+        rests = frames[:1] * len(frames) if first is None else self._resting(first, clock)
+        return [_between(*pair) for pair in zip(rests, frames, joined, strict=True)], clock
+
+    def _resting(self, cfg: Configuration, clock: Array) -> list[pin.SE3]:
+        """Return where the tip is at times (m,) [s] after a configuration, the joints at rest."""
+        if not self.moving:
+            return [cfg.tip] * len(clock)
+        own, Q = self.floats, np.tile(cfg.q, (1, len(clock), 1))
+        T, drift = cfg.base.rotation, own.momentum[:3] / own.arm.mass
+        stored = own.base.rotation.T @ own.stored[3:]
+        turns = drifting_attitudes(own.arm, T, clock, Q, own.momentum[3:], stored)[0]
+        tips = [placed(cfg, cfg.q, R).tip for R in turns]
+        for tip, s in zip(tips, clock, strict=True):
+            tip.translation += s * drift
+        return tips
 
     def attempt(self, t: float, grapple: str, search: Search) -> Catch:
         """Return the catch at a time by a grapple frame.
@@ -173,7 +223,7 @@ class Approach:
             SpaceArmError: There is none, or none was found.
         """
         poses, clock = self.path(t, grapple, nodes=1)
-        if why := out_of_reach(self.start, poses[-1]):
+        if why := out_of_reach(self.drifted(t), poses[-1]):
             raise ImpossibleError(why)
         stands, failed = t - float(clock[-1]), NoSolutionError("no time was left")
         ends = time.monotonic() + search.timeout
@@ -193,10 +243,14 @@ class Approach:
         """Yield goals at the stand-off from which the tip can be led to contact, then its pose.
 
         The first are postures where straight joint motions end, those from which the approach
-        takes the least of the joints' rates before others.
+        takes the least of the joints' rates before others. With momentum the planner bends ways.
         """
-        start, rates = self.start, self.constraints.joint_rates(self.start.arm)
+        if self.moving:
+            yield stand
+            return
+        start, rates = self.floats, self.constraints.joint_rates(self.start.arm)
         request = self._planned(stand, replace(search, timeout=POSTURES_IN))
+        request = replace(request, start=start, held=self.start.arm if self.wheels else None)
         room = rates * (t - sum(self.duration)) / PEAK
         rng = np.random.default_rng((search.seed, int(1e3 * t)))
         target = Problem.of(request).target
@@ -212,8 +266,8 @@ class Approach:
 
         It is infinite if joint limits or the target are in the way.
         """
-        poses, clock = self.path(t, grapple, stand.tip, COARSE)
-        arm, most = self.start.arm, self.constraints.joint_rates(self.start.arm)
+        poses, clock = self.path(t, grapple, stand, COARSE)
+        arm, most = self.floats.arm, self.constraints.joint_rates(self.start.arm)
         rows, share = [stand], 0.0
         for pose in poses[1:]:
             here = rows[-1]
@@ -234,33 +288,37 @@ class Approach:
             SpaceArmError: It keeps not all constraints.
         """
         target = self.target
-        poses, clock = self.path(t, grapple, reach[-1].tip)
-        begin = t - float(clock[-1] + reach.t[-1])
+        poses, clock = self.path(t, grapple, reach[-1])
+        begin = max(t - float(clock[-1] + reach.t[-1]), 0.0)
         chase = follow(
-            reach[-1], poses[1:], times=clock[1:], at_rest=False, limits=self.constraints.limits
-        )
+            reach[-1], poses[1:], times=clock[1:], at_rest=False, mode=self.mode,
+            limits=self.constraints.limits,
+        )  # fmt: skip
         if not chase.arrived:
             raise NoSolutionError(f"on the way from the stand-off: {chase.reason}")
         most = self.constraints.joint_rates(self.start.arm)
         self._check_loads("rate", np.abs(chase.dq).max(axis=0), most)
+        wheels, load = self.wheels, ""
+        if wheels is not None:
+            chase, load = self._borne(chase, wheels)
         end, frame = chase[-1], target.at(t, grapple)
-        v = generalized_velocity(end, chase.dq[-1])
+        v = generalized_velocity(end, chase.dq[-1], self.mode)
         stack = end.arm.grasp(**in_hand(target, t, end.tip)).at(end.q, base=end.base)
-        held = stack.with_momentum(stack.A @ v)
+        held = stack.with_momentum(end.momentum + (stack.A - end.A) @ v).with_wheels(end.wheels)
+        if wheels is not None:  # what they hold once the joints rest
+            start = wheels.shares @ (end.base.rotation.T @ held.momentum[3:])
+            wheels = replace(wheels, start=start)
         try:
             brake = braked(
                 held, chase.dq[-1], grasp_of(target, t, end.tip), self.constraints.limits,
-                self.efforts, self.bears,
+                self.efforts, self.bears, wheels,
             )  # fmt: skip
         except NoSolutionError as error:
             raise NoSolutionError(f"with {target.name} in the hand, {error}") from None
-        torque = np.maximum(
-            largest_torques(chase, chase.dq, chase.ddq, np.zeros(6)),
-            np.abs(brake.torque).max(axis=0),
-        )
+        torque = np.maximum(largest_torques(chase), np.abs(brake.torque).max(axis=0))
         self._check_loads("torque", torque, self.efforts)
         self._check_contacts(joined(begin, reach, chase))
-        proven = _proven(reach, chase)
+        proven = self._proven(reach, chase)
         off = end.tip.actInv(frame.pose)
         return Catch(
             target=target,
@@ -276,6 +334,7 @@ class Approach:
             twist_error=end.J @ v - frame.twist,
             torque=torque,
             momentum=held.momentum,
+            wheel_load=(reach.wheel_load, load, brake.wheel_load) if load else (),
             tried=(),
         )
 
@@ -286,31 +345,82 @@ class Approach:
 
     def _straight(self, goal: Joints, t: float, search: Search) -> Plan:
         """Return the plan of a straight joint motion, no faster than the approach if t allows."""
-        start, way = self.start, np.asarray(goal.q) - self.start.q
+        way, lasts = np.asarray(goal.q) - self.start.q, min(t, self.duration[0])
         u = np.linspace(0.0, 1.0, 1 + max(1, math.ceil(np.abs(way).max() / STEP)))
-        rows = walk(start, start.q + u[:, None] * way)
-        request, lasts = self._planned(goal, search), min(t, self.duration[0])
-        found = by_methods(Problem.of(request), {"straight": lambda _: rows})
-        return stretched(found, lasts, request.account) if found.t[-1] < lasts else found
+
+        def floating(request: PlanRequest) -> Plan:
+            rows = walk(request.start, request.start.q + u[:, None] * way)
+            found = by_methods(Problem.of(request), {"straight": lambda _: rows})
+            return stretched(found, lasts, request.account) if found.t[-1] < lasts else found
+
+        request = self._planned(goal, search)
+        return attitude_held(request, floating) if self.wheels else floating(request)
 
     def _reach(self, goal: pin.SE3 | Joints, t: float, search: Search) -> Plan:
         """Return the plan to the stand-off, until a time; it minds the target if it has to."""
+        if self.moving:
+            return self._planned_among(goal, t, t, search)
         straight = isinstance(goal, Joints)
         if straight:
             reach = self._straight(goal, t, search)
         else:
-            reach = plan(self.start, goal, constraints=self.constraints, search=search)
+            reach = plan(
+                self.start, goal, mode=self.mode, constraints=self.constraints, search=search
+            )
         if (late := float(reach.t[-1]) - t) > 0.0:
-            raise NoSolutionError(f"the way to the stand-off takes {late:.3g} s too long")
+            why = f" ({reach.wheel_load})" if reach.wheel_load else ""
+            raise NoSolutionError(f"the way to the stand-off takes {late:.3g} s too long{why}")
         duration = min(t, 1.5 * float(reach.t[-1]))
         around = self._as_obstacle(t - float(reach.t[-1]))
         if not self.constraints.collisions or not collision_check(reach, obstacles=around).contact:
             return reach
         if straight:
             raise NoSolutionError("the straight way to the stand-off meets the target")
-        kept = obstacles_of(self.constraints.obstacles, self.start.arm)
-        among = replace(self.constraints, obstacles=(*kept, self._as_obstacle(t - duration)))
-        return plan(self.start, goal, duration=duration, constraints=among, search=search)
+        return self._planned_among(goal, t, duration, search)
+
+    def _planned_among(
+        self, goal: pin.SE3 | Joints, t: float, duration: float, search: Search
+    ) -> Plan:
+        """Return a plan until a time t that lasts so long [s] and holds the target off."""
+        among = self.constraints
+        if among.collisions:
+            kept = obstacles_of(among.obstacles, self.start.arm)
+            among = replace(among, obstacles=(*kept, self._as_obstacle(t - duration)))
+        return plan(
+            self.start, goal, duration=duration, mode=self.mode, constraints=among, search=search
+        )
+
+    def _borne(self, chase: Followed, wheels: Wheels) -> tuple[Followed, str]:
+        """Return the motion to contact with what wheels hold, which is told, too.
+
+        Raises:
+            NoSolutionError: They cannot hold it.
+        """
+        load = load_of(chase.arm, chase.spline)
+        slower, why = wheels.slowdown(load)
+        if slower > 1.0:
+            raise NoSolutionError(f"on the way from the stand-off {why}")
+        moving, _ = momentum_and_torque(chase.arm, chase.q, chase.dq, chase.ddq)
+        held = wheels.momenta(moving)[:, : len(chase.arm.wheels)]
+        return replace(chase, wheels=held), wheels.story(load)
+
+    def _proven(self, *motions: Motion) -> float:
+        """Return the distance [rad] of motions within which no posture is singular, proven.
+
+        More than most of what it is to first order is not asked of the proof, which is short then.
+
+        Raises:
+            NoSolutionError: It is not proven that they meet no singularity.
+        """
+        arm, least = self.floats.arm, PROVEN
+        known = singular_set(self.start.arm, mode=self.mode)
+        for motion in motions:
+            about = evaluate(arm, motion.q, ("distance",))["distance"].min()
+            least = min(least, float(MOST * about))
+            least = min(least, known.clearance(motion, at_least=least).clearance)
+            if least <= 0.0:
+                raise NoSolutionError("it is not proven that the way meets no singularity")
+        return least
 
     def _as_obstacle(self, begin: float) -> Obstacle:
         """Return the target as what must not be met by a motion that begins at a time."""
@@ -336,21 +446,3 @@ def _between(a: pin.SE3, b: pin.SE3, s: float) -> pin.SE3:
     """Return a pose between two: the straight line of its origin, the shortest turn."""
     R = a.rotation @ pin.exp3(s * pin.log3(a.rotation.T @ b.rotation))
     return pin.SE3(R, (1.0 - s) * a.translation + s * b.translation)
-
-
-def _proven(*motions: Motion) -> float:
-    """Return the distance [rad] of motions within which no posture is singular, proven.
-
-    More than most of what it is to first order is not asked of the proof, which is short then.
-
-    Raises:
-        NoSolutionError: It is not proven that they meet no singularity.
-    """
-    arm, least = motions[0].arm, PROVEN
-    for motion in motions:
-        about = evaluate(arm, motion.q, ("distance",))["distance"].min()
-        least = min(least, float(MOST * about))
-        least = min(least, singular_set(arm).clearance(motion, at_least=least).clearance)
-        if least <= 0.0:
-            raise NoSolutionError("it is not proven that the way meets no singularity")
-    return least

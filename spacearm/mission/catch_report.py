@@ -15,6 +15,7 @@ from spacearm.arrays import Array, plain
 from spacearm.mechanics.dynamics import spacecraft_twist
 from spacearm.mechanics.target import Target
 from spacearm.mission.braking import Braking
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.controllers import Tracking
 from spacearm.motion.flights import Flight, Grasp, Phase, simulate_phases
@@ -67,6 +68,8 @@ class Catch(Result, kw_only=True):
         twist_error: (6,) twist of the tip less that of the frame [m/s], [rad/s].
         torque: (n,) largest torques from the stand-off on and while braking [N m] or [N].
         momentum: (6,) momentum of arm and target together about the CM of both [kg m/s], [N m s].
+        wheel_load: What the wheels that hold the attitude hold and give at most, a sentence for
+            each of the three motions; empty where the spacecraft floats.
         tried: All that was tried, in that order.
     """
 
@@ -83,12 +86,18 @@ class Catch(Result, kw_only=True):
     twist_error: Array
     torque: Array
     momentum: Array
+    wheel_load: tuple[str, ...]
     tried: tuple[Candidate, ...]
 
     @property
     def arm(self) -> SpaceArm:
         """The arm, without the target."""
         return self.plan.arm
+
+    @property
+    def mode(self) -> BaseMode:
+        """What the spacecraft does."""
+        return self.plan.mode
 
     @cached_property
     def approach(self) -> Motion:
@@ -128,20 +137,17 @@ class Catch(Result, kw_only=True):
         """
         grasp = grasp_of(actual or self.target, self.t, self.chase[-1].tip)
         begun = replace(self.plan, t=self.begin + self.plan.t)
-        stages = (
-            Phase(Tracking(begun), float(begun.t[-1]), plant=plant, integration=integration),
-            Phase(Tracking(self.chase), float(self.chase.t[-1]), grasp, plant=plant,
-                  integration=integration),
-            Phase(Tracking(self.brake), float(self.brake.t[-1]), plant=plant,
-                  integration=integration),
-        )  # fmt: skip
+        stages = [
+            Phase(Tracking(motion), float(motion.t[-1]), then, mode=self.mode, plant=plant,
+                  integration=integration)
+            for motion, then in ((begun, None), (self.chase, grasp), (self.brake, None))
+        ]  # fmt: skip
         return simulate_phases(self.plan[0], stages, progress=progress)
 
     @property
     def tumble(self) -> Array:
         """(3,) angular velocity of arm and target once the joints rest, inertial axes [rad/s]."""
-        end = self.brake[-1].with_momentum(self.momentum)
-        return spacecraft_twist(end, np.zeros(self.arm.n))[3:]
+        return spacecraft_twist(self.brake[-1], np.zeros(self.arm.n), self.mode)[3:]
 
     @property
     def not_checked(self) -> str:
@@ -178,10 +184,15 @@ class Catch(Result, kw_only=True):
             title=f"{self.arm.name} and {self.target.name}",
             verdict=f"caught by {self.grapple} after {self.t:.4g} s",
             tone="good",
-            notes=[self.plan.checked],
+            notes=[self.plan.checked, *self._wheels()],
             tables=[Table.facts(facts), Table(columns, rows, "Tried")],
             not_checked=self.not_checked,
         )
+
+    def _wheels(self) -> list[str]:
+        """Say what the wheels take on each part of the way."""
+        parts = zip(("to the stand-off", "closing in", "braking"), self.wheel_load, strict=False)
+        return [f"{part}, {load}" for part, load in parts if load]
 
     def to_dict(self) -> dict[str, Any]:
         """Return all but the parts of the motion as plain data; the motion up to contact as one."""
@@ -201,6 +212,7 @@ class Catch(Result, kw_only=True):
             "torque": self.torque,
             "borne": self.brake.borne,
             "momentum": self.momentum,
+            "wheel_load": self.wheel_load,
             "tumble": self.tumble,
             "contacts": self.tried,
             "not_checked": self.not_checked,
@@ -235,6 +247,6 @@ def joined(begin: float, reach: Motion, chase: Motion) -> Motion:
     t = np.concatenate((begin + reach.t, begin + reach.t[-1] + chase.t[1:]))
     q = np.concatenate((reach.q, chase.q[1:]))
     base = np.concatenate((reach.base, chase.base[1:]))
-    if begin > 0.0:
+    if begin > 1e-9 * t[-1]:  # not by rounding
         t, q, base = np.append(0.0, t), np.vstack((q[:1], q)), np.vstack((base[:1], base))
-    return Motion(reach.arm, t, q, base)
+    return Motion(reach.arm, t, q, base, mode=reach.mode)

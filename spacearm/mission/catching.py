@@ -16,6 +16,7 @@ from spacearm.errors import ImpossibleError, NoSolutionError, SpaceArmError
 from spacearm.mechanics.target import Target
 from spacearm.mission.approaching import PROVEN, Approach
 from spacearm.mission.catch_report import Candidate, Catch
+from spacearm.model.arguments import FLOATING, BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.planning.request import Constraints, Search
 from spacearm.signatures import checked
@@ -38,17 +39,23 @@ def catch(
     touching: Sequence[str] | None = None,
     bears: Sequence[float] = (math.inf, math.inf),
     wanted: int = 3,
+    mode: BaseMode = FLOATING,
     constraints: Constraints = Constraints(),
     search: Search = Search(),
 ) -> Catch:
-    """Find when and by which grapple frame a free-floating arm catches a tumbling target, and how.
+    """Find when and by which grapple frame an arm catches a tumbling target, and how.
 
     Contacts throughout the window are tried, those in reach whose open side faces the arm first.
     Of the first that succeed that one is returned whose way keeps farthest from the singular set,
-    proven. The arm starts at rest and without momentum.
+    proven. The joints start at rest. With momentum on board the spacecraft drifts on the way, and
+    the arm moves from time 0 on.
+
+    With `mode="attitude-controlled"` wheels hold the attitude until the joints rest again, and take
+    up the angular momentum of the target, each within its torque and capacity.
 
     Args:
-        start: The arm at time 0. Poses of the target are in the inertial frame of its base.
+        start: The arm at time 0, with momentum on board and what its wheels hold of it. Poses of
+            the target are in the inertial frame of its base.
         target: The target.
         grapple: Name of the grapple frame; any of them if None.
         window: Earliest and latest contact [s].
@@ -59,6 +66,7 @@ def catch(
         bears: Largest force [N] and largest moment [N m] that the grapple bears at the tip while
             the arm is braked with the target in its hand.
         wanted: How many catches are found before the best is taken.
+        mode: What the spacecraft does: "free-floating", or "attitude-controlled".
         constraints: What must hold on the way, as for `plan`. Rates and torques are those of the
             description, unless rates are given.
         search: How to look; `timeout` is that of the whole search [s].
@@ -68,7 +76,7 @@ def catch(
 
     Raises:
         ConfigurationError: An argument does not make sense.
-        UnsupportedError: The start has momentum, the arm several tips, or its task is no pose.
+        UnsupportedError: The arm has several tips, its task is no pose, or wheels cannot hold it.
         NoSolutionError: Nothing tried catches the target; says why, for each time and frame.
 
     Example:
@@ -87,7 +95,7 @@ def catch(
         True
     """
     request = Approach.of(
-        start, target, grapple, window, approach, closing, touching, bears, constraints
+        start, target, grapple, window, approach, closing, touching, bears, constraints, mode
     )
     begun = time.monotonic()
     ends = begun + search.timeout
@@ -130,7 +138,8 @@ def catch(
     best = max(found, key=lambda one: one.distance_proven)
     if best.distance_proven < PROVEN:  # of this one all that can be
         ways = (best.plan, best.chase)
-        clear = [singular_set(best.arm).clearance(way, at_least=PROVEN).clearance for way in ways]
+        known = singular_set(best.arm, mode=mode)
+        clear = [known.clearance(way, at_least=PROVEN).clearance for way in ways]
         best = replace(best, distance_proven=max(best.distance_proven, min(clear)))
         tried[best.t, best.grapple] = _told(best)
     return replace(best, tried=tuple(tried.values()))

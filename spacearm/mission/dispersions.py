@@ -267,11 +267,14 @@ def fly_many(
         if sampling is not None:  # noise of its own for each run and each stage
             own = replace(sampling, seed=sampling.seed + stage * m)
         found = simulate_many(
-            starts, Tracking(motion, rate), float(motion.t[-1]), dq=dq, plant=plant, sampling=own,
-            integration=replace(integration, events=()), progress=tell(stage),
+            starts, Tracking(motion, rate), float(motion.t[-1]), dq=dq, mode=catch.mode,
+            plant=plant, sampling=own, progress=tell(stage),
+            integration=replace(integration, events=()),
         )  # fmt: skip
         ends = [
-            start.arm.at(q, base=pin.XYZQUATToSE3(base), momentum=start.momentum)
+            start.arm.at(
+                q, base=pin.XYZQUATToSE3(base), wheels=start.wheels, momentum=start.momentum
+            )
             for start, q, base in zip(starts, found.q.values, found.base.values, strict=True)
         ]
         return ends, found.dq.values, [str(word) for word in found.ended.values]
@@ -296,7 +299,7 @@ def fly_many(
     starts, rates = [], []
     for i in grasped:
         body = grasp_of(actual[i], catch.t, ends[i].tip)
-        hit = body.impact(ends[i], dq[i])
+        hit = body.impact(ends[i], dq[i], catch.mode)
         after[i, :2] = hit.energy_lost, np.linalg.norm(hit.impulse[:3])
         starts.append(hit.configuration)
         rates.append(hit.dq)
@@ -305,7 +308,7 @@ def fly_many(
         words[grasped] = how
         after[grasped, 2] = np.abs(last).max(axis=1)
         after[grasped, 3] = [
-            np.linalg.norm(spacecraft_twist(cfg, r)[3:])
+            np.linalg.norm(spacecraft_twist(cfg, r, catch.mode)[3:])
             for cfg, r in zip(stopped, last, strict=True)
         ]
     return CatchRuns(
@@ -323,6 +326,6 @@ def _off(catch: Catch, actual: Target, cfg: Configuration, dq: Array) -> Array:
     """Return how far the tip is off the true grapple frame at contact (4,); see `MISSES`."""
     frame = actual.at(catch.t, catch.grapple)
     apart = cfg.tip.actInv(frame.pose)
-    twist = cfg.J @ generalized_velocity(cfg, dq) - frame.twist
+    twist = cfg.J @ generalized_velocity(cfg, dq, catch.mode) - frame.twist
     parts = apart.translation, pin.log3(apart.rotation), twist[:3], twist[3:]
     return np.array([np.linalg.norm(part) for part in parts])

@@ -10,10 +10,19 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from spacearm.arrays import Array, Parameters, finite, plain, read_only
 from spacearm.errors import ConfigurationError, UnsupportedError
-from spacearm.mechanics.dynamics import Capture, JointState, capture, generalized_velocity
+from spacearm.mechanics.dynamics import (
+    Capture,
+    JointState,
+    Wrenches,
+    capture,
+    generalized_velocity,
+    inverse_dynamics,
+)
+from spacearm.model.arguments import FLOATING, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Laws
 from spacearm.motion.events import Event
@@ -195,14 +204,59 @@ class Grasp(Parameters):
     twist: npt.ArrayLike | None = None
     joints: JointState = "free"
 
-    def impact(self, cfg: Configuration, dq: Array) -> Capture:
-        """Return the impact in a configuration with joint rates (n,), as `capture` has it."""
+    def impact(self, cfg: Configuration, dq: Array, mode: BaseMode = FLOATING) -> Capture:
+        """Return the impact in a configuration with joint rates (n,), as `capture` has it.
+
+        Args:
+            cfg: The configuration.
+            dq: The joint rates.
+            mode: What the spacecraft did until then.
+        """
         twist = self.twist
+        if mode != FLOATING:  # whose angular momentum is what the arm alone has
+            v = generalized_velocity(cfg, dq, mode)
+            cfg = cfg.with_momentum(cfg.A @ v + cfg.stored)
         if twist is None:
             t = cfg.J @ generalized_velocity(cfg, dq)
             lever = cfg.tip.rotation @ finite(self.com, (3,), "com of the body", "[m], tip frame")
             twist = np.concatenate((t[:3] + np.cross(t[3:], lever), t[3:]))
         return capture(cfg, twist, self.mass, self.inertia, self.com, dq=dq, joints=self.joints)
+
+
+def held_loads(
+    cfg: Configuration,
+    dq: Array,
+    ddq: Array,
+    body: Grasp,
+    mode: BaseMode = FLOATING,
+    wrenches: Wrenches | None = None,
+) -> tuple[Array, Array]:
+    """Return the joint torques (n,), and the wrench (6,) at the tip that moves a body, tip axes.
+
+    Args:
+        cfg: The arm with the body in its hand.
+        dq: (n,) joint rates [rad/s] or [m/s].
+        ddq: (n,) joint accelerations [rad/s^2] or [m/s^2].
+        body: The body.
+        mode: What the spacecraft does.
+        wrenches: What pushes links, as in `inverse_dynamics`.
+    """
+    arm, R = cfg.arm, cfg.base.rotation
+    found = inverse_dynamics(cfg, dq, ddq, mode=mode, wrenches=wrenches)
+    v = generalized_velocity(cfg, dq, mode)
+    a = (found.base_acceleration.reshape(2, 3) @ R).ravel()
+    a[:3] -= np.cross(v[3:6], v[:3])  # from classical to spatial acceleration
+    full, rate = (np.append(x[:6], arm.all_rates(y)) for x, y in ((v, dq), (a, ddq)))
+    data = arm.borrow()
+    pin.forwardKinematics(arm.model, data, cfg.full_at_origin, full, rate)
+    w = pin.getFrameVelocity(arm.model, data, arm.tip_frame, pin.LOCAL).angular
+    tip = pin.getFrameClassicalAcceleration(arm.model, data, arm.tip_frame, pin.LOCAL)
+    arm.give_back(data)
+    com = np.asarray(body.com)
+    I = np.zeros((3, 3)) if body.inertia is None else np.asarray(body.inertia)
+    force = body.mass * (tip.linear + np.cross(tip.angular, com) + np.cross(w, np.cross(w, com)))
+    moment = I @ tip.angular + np.cross(w, I @ w) + np.cross(com, force)
+    return found.tau, np.concatenate((force, moment))
 
 
 @checked
@@ -214,13 +268,15 @@ class Release(Parameters):
 @checked
 @dataclass(frozen=True)
 class Phase(Parameters):
-    """A part of a flight; the spacecraft floats, unless wheels of the plant hold its attitude.
+    """A part of a flight; the spacecraft floats, unless its attitude is held.
 
     Attributes:
         controller: As in `simulate`.
         duration: How long it is at most [s].
         then: What happens at its end. Where `stop` names events it happens at one of these only,
             and the flight ends if there was none.
+        mode: What the spacecraft does, as in `simulate`; a grasp changes nothing of an attitude
+            that is held.
         plant: As in `simulate`, for this phase.
         sampling: As in `simulate`.
         stop: As in `simulate`.
@@ -231,6 +287,7 @@ class Phase(Parameters):
     duration: float
     then: Grasp | Release | None = None
     _: KW_ONLY
+    mode: BaseMode = FLOATING
     plant: Plant = Plant()
     sampling: Sampling | None = None
     stop: Sequence[str] = ()
@@ -250,7 +307,7 @@ def simulate_phases(
     dq: npt.ArrayLike | None = None,
     progress: Callable[[float, float], object] | None = None,
 ) -> Flight:
-    """Simulate a free-floating arm that grasps and releases bodies in flight.
+    """Simulate an arm that grasps and releases bodies in flight.
 
     Each phase is a run of `simulate` that begins where the last one ended. A grasp is a plastic
     impact in an instant, which keeps the momentum of arm and body together; the body then belongs
@@ -299,8 +356,9 @@ def simulate_phases(
                 progress(begin + t, total)
 
         run = simulate(
-            start, phase.controller, phase.duration, dq=dq, plant=phase.plant, stop=phase.stop,
-            sampling=phase.sampling, integration=phase.integration, progress=report,
+            start, phase.controller, phase.duration, dq=dq, mode=phase.mode, plant=phase.plant,
+            stop=phase.stop, sampling=phase.sampling, integration=phase.integration,
+            progress=report,
         )  # fmt: skip
         runs.append(run)
         begins.append(begin)
@@ -310,7 +368,7 @@ def simulate_phases(
             break
         start, dq = run[-1], run.dq[-1]
         if isinstance(phase.then, Grasp):
-            captures.append(phase.then.impact(start, run.dq[-1]))
+            captures.append(phase.then.impact(start, run.dq[-1], phase.mode))
             held.append(captures[-1].configuration.arm)
             start, dq = _holding(held[-1], start, captures[-1].momentum), captures[-1].dq
             detail = f"{phase.then.mass:g} kg, {captures[-1].energy_lost:.3g} J lost"

@@ -4,6 +4,8 @@ Along a path x(s), s its length, the joints move as J* dq = x' ds (equation (1))
 where x' points in the lost direction, q(s) has a vertical tangent and turns back; as a curve in
 (q, s) it stays smooth. This curve is therefore integrated over its own length: its tangent (dq, ds)
 is the unit vector with J* dq - x' ds = 0, and the singularity is the point where ds = 0.
+
+With momentum on board the tip drifts at v_h besides, and s is the time: J* dq + (v_h - x') ds = 0.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from spacearm.arrays import Array, finite, positive
 from spacearm.compiler import numbers
 from spacearm.equations.laws import quaternion_rate
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
-from spacearm.mechanics.dynamics import spacecraft_twist
+from spacearm.mechanics.dynamics import generalized_velocity, spacecraft_twist
 from spacearm.mechanics.jacobian import generalized_jacobian, singular_values
 from spacearm.model.arguments import BaseMode, require_possible
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
@@ -31,7 +33,7 @@ from spacearm.motion import events
 from spacearm.motion import goal as goals
 from spacearm.motion.events import Event
 from spacearm.motion.goal import Goal, Origin, goal_pose
-from spacearm.motion.motion import Motion, RateJump, samples
+from spacearm.motion.motion import Drifting, RateJump, carried_along, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.results import Description, Tone
 from spacearm.signatures import checked
@@ -233,17 +235,22 @@ class TipCurve:
     def __init__(self, cfg: Configuration, segment: Segment, mode: BaseMode, limits: bool) -> None:
         self.arm, self.start, self.segment = cfg.arm, cfg, segment
         self.mode, self.limits = mode, limits
+        self.moving = bool(cfg.momentum.any() or cfg.wheels.any())
+        self.drift = cfg.momentum[:3] / cfg.arm.mass
         self.square = self.arm.task.k == self.arm.n
         self.sense = np.sign(np.linalg.det(self.jacobian(cfg))) if self.square else 1.0
 
     def configuration(self, y: Array) -> Configuration:
-        """Return the configuration in a state; the system CM stays, or the spacecraft if fixed."""
+        """Return the configuration in a state; the system CM drifts, a fixed spacecraft stays."""
         n = self.arm.n
         if self.mode == "fixed":
             return self.arm.at(y[:n], base=self.start.base)
         attitude = pin.Quaternion(y[n : n + 4] / np.linalg.norm(y[n : n + 4]))
         turned = kinematics(self.arm, y[:n].copy(), pin.SE3(attitude, np.zeros(3)))
-        return turned.centred(self.start.com)
+        if not self.moving:
+            return turned.centred(self.start.com)
+        there = turned.centred(self.start.com + y[-1] * self.drift)
+        return there.with_momentum(self.start.momentum).with_wheels(self.start.wheels)
 
     def jacobian(self, cfg: Configuration) -> Array:
         """Return the rows (k, n) of J* that the task names."""
@@ -257,7 +264,10 @@ class TipCurve:
         """
         J = self.jacobian(cfg)
         back = RETURN * goals.twist_between(cfg.tip, self.segment.pose(s))
-        x = goals.goal_rows(cfg, self.segment.twist(s) + back)
+        twist = self.segment.twist(s) + back
+        if self.moving:
+            twist -= cfg.J @ generalized_velocity(cfg, np.zeros(self.arm.n), self.mode)
+        x = goals.goal_rows(cfg, twist)
         if not self.square:
             along = np.append(np.linalg.pinv(J) @ x, 1.0)
             return along / np.linalg.norm(along)
@@ -269,6 +279,8 @@ class TipCurve:
         cfg = self.configuration(y)
         along = self.tangent(cfg, float(y[-1]))
         dq, ds = along[:-1], along[-1]
+        if self.moving:
+            cfg = cfg.with_momentum(ds * cfg.momentum).with_wheels(ds * cfg.wheels)
         w = spacecraft_twist(cfg, dq, self.mode)[3:] @ cfg.base.rotation
         turning = quaternion_rate(numbers, y[-5:-1], w)
         return np.concatenate((dq, turning, [ds]))
@@ -354,7 +366,7 @@ def state_of(cfg: Configuration, s: float) -> Array:
     return np.concatenate((cfg.q, pin.SE3ToXYZQUAT(cfg.base)[3:], [s]))
 
 
-class Followed(Motion, kw_only=True):
+class Followed(Drifting, kw_only=True):
     """The motion of an arm whose tip follows a path, from `sa.follow`.
 
     Attributes:
@@ -378,7 +390,7 @@ class Followed(Motion, kw_only=True):
     jumps: tuple[RateJump, ...] = ()
 
     QUANTITIES: ClassVar[Mapping[str, Quantity]] = {
-        **Motion.QUANTITIES,
+        **Drifting.QUANTITIES,
         "ddq": Quantity("rad/s^2 or m/s^2", "joint"),
         "s": Quantity("m or rad"),
     }
@@ -433,12 +445,13 @@ def follow(
     limits: bool = True,
     progress: Callable[[float, float], object] | None = None,
 ) -> Followed:
-    """Lead the tip along a path at zero momentum, until it arrives or cannot go on.
+    """Lead the tip along a path, until it arrives or cannot go on.
 
     The tip goes straight to the beginning first. Redundant arms move with the least joint rates.
 
     Args:
-        start: The configuration at the start, without momentum.
+        start: The configuration at the start; momentum on board and in wheels, which they keep, is
+            for paths with times.
         path: The corners of a polyline, (m, k) points in the task's linear rows [m] or a sequence
             of poses; or a function of the path length that gives either. Points are given along
             the task axes (see `Task.axes`), along inertial ones where these turn on the way.
@@ -461,7 +474,8 @@ def follow(
     Raises:
         ConfigurationError: An argument does not make sense, or the start is singular or, where
             limits count, beyond them.
-        UnsupportedError: The task has more rows than the arm has joints, or there is momentum.
+        UnsupportedError: The task has more rows than the arm has joints, or there is momentum and
+            the path has no times.
 
     Example:
         >>> import spacearm as sa
@@ -472,10 +486,10 @@ def follow(
     if times is not None and (speed is not None or length is not None):
         raise ConfigurationError("times say how fast the tip moves; leave out speed and length")
     speed = positive(0.1 if speed is None else speed, "speed", "speed [m/s]")
-    if cfg.momentum.any() or cfg.wheels.any():
+    if times is None and (cfg.momentum.any() or cfg.wheels.any()):
         raise UnsupportedError(
-            "the start has momentum on board, and sa.follow leads the tip at zero momentum only; "
-            "sa.simulate takes a law that follows a path at any momentum"
+            "the start has momentum on board, and the spacecraft turns with time; give times= at "
+            "which the tip passes each corner"
         )
     check_start(cfg, mode, limits)
     first = cfg
@@ -518,6 +532,7 @@ def follow(
         mode=mode,
         t=t,
         **samples([curve.configuration(y) for y in rows]),
+        **carried_along(first, len(rows)),
         s=s.copy(),
         length=whole,
         ended=end.kind,

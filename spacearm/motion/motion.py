@@ -426,6 +426,42 @@ class Motion(Result):
         return read_only(np.array([value(cfg) for cfg in self]))
 
 
+class Drifting(Motion, kw_only=True):
+    """Base of planned motions of a spacecraft that may have momentum on board.
+
+    Attributes:
+        momentum: (m, 6) [linear [kg m/s]; angular about the system CM [N m s]], inertial axes; what
+            wheels hold is part of it.
+        wheels: (m, w) what each wheel of the description holds [N m s].
+    """
+
+    momentum: Array
+    wheels: Array
+
+    QUANTITIES: ClassVar[Mapping[str, Quantity]] = {
+        **Motion.QUANTITIES,
+        "momentum": Quantity("kg m/s, kg m^2/s", "component"),
+        "wheels": Quantity("N m s", "wheel"),
+    }
+
+    def __getitem__(self, i: int) -> Configuration:
+        cfg = super().__getitem__(i)
+        if not self.momentum.any() and not self.wheels.any():
+            return cfg
+        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i], momentum=self.momentum[i])
+
+    @property
+    def momentum_on_board(self) -> Array:
+        """(m, 3) angular momentum of the whole system, axes of the spacecraft, which is held."""
+        return np.asarray(self.momentum[:, 3:] @ super().__getitem__(0).base.rotation)
+
+
+def carried_along(cfg: Configuration, rows: int) -> dict[str, Any]:
+    """Return momentum (rows, 6) and wheels (rows, w) that stay what they are, as `Drifting` has."""
+    kept = {"momentum": cfg.momentum, "wheels": cfg.wheels}
+    return {name: np.tile(value, (rows, 1)) for name, value in kept.items()}
+
+
 def samples(cfgs: Sequence[Configuration]) -> dict[str, Any]:
     """Return q (m, n) and base (m, 7) of configurations, as `Motion` has them."""
     base = [pin.SE3ToXYZQUAT(cfg.base) for cfg in cfgs]

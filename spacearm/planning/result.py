@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import field, replace
 from functools import cached_property
-from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -19,8 +19,7 @@ from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import placed
 from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import AT_REST, Configuration, SpaceArm
-from spacearm.motion.motion import AnyMotion, Motion, samples
-from spacearm.motion.motion_file import Quantity
+from spacearm.motion.motion import AnyMotion, Drifting, samples
 from spacearm.planning.many_curves import FlownRows
 from spacearm.planning.reactions import boundless
 from spacearm.planning.timing import (
@@ -74,7 +73,7 @@ class ArrivalError(NamedTuple):
     attitude: float
 
 
-class Plan(Motion, kw_only=True):
+class Plan(Drifting, kw_only=True):
     """A motion of the joints from rest, from `sa.plan`: a `Motion` with more to it.
 
     `sa.Tracking` leads the joints through the rows along quintic splines, which arrive:
@@ -89,28 +88,17 @@ class Plan(Motion, kw_only=True):
         checked: What the check of collisions covers and what it does not, in one sentence.
         apart: Whether it is proven that no two of the bodies checked meet; None if none were.
         tried: All methods that were tried, in order.
-        momentum: (m, 6) [linear [kg m/s]; angular about the system CM [N m s]], inertial axes; what
-            wheels hold is part of it.
-        wheels: (m, w) what each wheel of the description holds [N m s].
         wheel_load: What the wheels hold and give at most while they hold the attitude, in one
             sentence, bounds between the rows included; empty where the spacecraft floats.
         obstacles: What was held off besides; the file of a plan does not hold them.
         final_rates: (n,) joint rates at the end [rad/s] or [m/s], zero where the plan ends at rest.
     """
 
-    QUANTITIES: ClassVar[Mapping[str, Quantity]] = {
-        **Motion.QUANTITIES,
-        "momentum": Quantity("kg m/s, kg m^2/s", "component"),
-        "wheels": Quantity("N m s", "wheel"),
-    }
-
     method: str
     clearance: float
     checked: str
     apart: bool | None
     tried: tuple[Attempt, ...]
-    momentum: Array
-    wheels: Array
     wheel_load: str = ""
     obstacles: tuple[Obstacle, ...] = field(default=(), metadata={"in_file": False})
     final_rates: Array
@@ -144,12 +132,6 @@ class Plan(Motion, kw_only=True):
         still = {"momentum": np.tile(momentum, (len(rows), 1)), "wheels": wheels}
         still["final_rates"] = np.zeros(arm.n)
         return cls(arm=arm, method=method, t=t, **along, **(unknown | still | fields))
-
-    def __getitem__(self, i: int) -> Configuration:
-        cfg = super().__getitem__(i)
-        if not self.momentum.any() and not self.wheels.any():
-            return cfg
-        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i], momentum=self.momentum[i])
 
     @cached_property
     def dq(self) -> Array:
@@ -286,11 +268,6 @@ class Plan(Motion, kw_only=True):
     def _left_out(self) -> str:
         """What was not checked, as the end of a sentence."""
         return f"; {LEFT_OUT}{self.not_checked}" * bool(self.not_checked)
-
-    @property
-    def momentum_on_board(self) -> Array:
-        """(m, 3) angular momentum of the whole system, axes of the spacecraft, which is held."""
-        return np.asarray(self.momentum[:, 3:] @ self[0].base.rotation)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, joint travel and certificate too."""

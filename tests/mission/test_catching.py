@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from helpers.arms import load_text, with_wheels
 
 import spacearm as sa
 from spacearm.mission.braking import braked
@@ -10,6 +11,8 @@ from spacearm.mission.catch_report import grasp_of
 
 START = np.array([0.0, 0.6, 0.0, 1.2, 0.0, 0.8, 0.0])
 RING = sa.pose((0, 0, -0.45))
+LARGE = sa.WheelHold(stiffness=0.0, damping=0.0, torque=20.0, capacity=40.0)
+HELD = "attitude-controlled"
 
 
 def tumbling(cfg, w=(0.02, 0.03, 0.02), off=(0.1, 0.1, 0.35), mass=60.0, **changes) -> sa.Target:
@@ -155,6 +158,60 @@ def test_a_target_heavier_than_planned_is_caught_with_its_own_momentum(caught):
     assert flight.phases[2][0].arm.mass == pytest.approx(start.arm.mass + 72.0)
 
 
+def drifting(start, mode) -> sa.Configuration:
+    """The start with momentum on board; in the wheels where these hold the attitude."""
+    momentum = np.array([5.0, -3.0, 4.0, 3.0, 2.0, -3.0])
+    if mode != HELD:
+        return start.with_momentum(momentum).with_wheels([0.5, -0.4, 0.3])
+    held = np.array([0.5, -0.4, 0.3])
+    momentum[3:] = start.base.rotation @ held
+    return start.with_momentum(momentum).with_wheels(held)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["free-floating", HELD])
+def test_with_momentum_on_board_it_catches_as_simulated(mode):
+    """The tip meets the frame, nothing strikes, and the momentum is the sum of the parts."""
+    arm = load_text(with_wheels("chaser7", np.eye(3), torque=20.0, rate=4000.0), task="pose")
+    start = drifting(arm.at(START), mode)
+    target = tumbling(start)
+    catch = sa.catch(start, target, window=(10, 30), wanted=1, mode=mode)
+    flight, met = catch.fly(), target.at(catch.t, "ring")
+    assert np.linalg.norm(pin.log6(flight.phases[1][-1].tip.actInv(met.pose))) < 1e-6
+    assert flight.captures[0].energy_lost < 1e-9
+    np.testing.assert_allclose(flight.phases[2].q[-1], catch.brake.q[-1], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(flight.phases[2].base[-1], catch.brake.base[-1], rtol=0, atol=1e-5)
+    w, (_, v) = target.at(catch.t), target.cm
+    spin = w.pose.rotation @ target.inertia @ w.pose.rotation.T @ w.twist[3:]
+    end = catch.chase[-1]
+    held, place = catch.brake[0], w.pose.act(target.com)
+    p = start.momentum[:3] + target.mass * v
+    angular = start.momentum[3:] + spin + np.cross(place - held.com, target.mass * v)
+    angular += np.cross(end.com - held.com, start.momentum[:3])
+    size = np.linalg.norm(angular)
+    np.testing.assert_allclose(catch.momentum, np.append(p, angular), rtol=0, atol=1e-4 * size)
+    if mode == HELD:  # at rest the wheels hold all of it
+        at_rest = catch.brake.base[-1]
+        T = pin.XYZQUATToSE3(at_rest).rotation
+        np.testing.assert_allclose(T @ catch.brake.wheels[-1], catch.momentum[3:], atol=1e-6 * size)
+        np.testing.assert_allclose(T, start.base.rotation, atol=1e-9)
+        assert "N m s" in catch.wheel_load[2]
+
+
+@pytest.mark.slow
+def test_wheels_that_cannot_hold_the_target_are_named():
+    """Capacity and torque below what the target brings: each contact says which wheel, and why."""
+    start = sa.load("chaser7").at(START)
+    for small, words in (({"capacity": 0.2}, "hold"), ({"torque": 1e-4}, "too long")):
+        wheels = sa.WheelHold(stiffness=0.0, damping=0.0, **small)
+        kept, search = sa.Constraints(wheels=wheels), sa.Search(timeout=8.0)
+        with pytest.raises(sa.NoSolutionError, match="wheel") as caught:
+            sa.catch(
+                start, tumbling(start), window=(12, 12), mode=HELD, constraints=kept, search=search
+            )
+        assert words in str(caught.value)
+
+
 def test_nothing_in_reach_is_said_for_each_contact():
     """A target that is far off: impossible, and each time and frame says why."""
     start = sa.load("chaser7").at(START)
@@ -177,7 +234,8 @@ def test_nothing_in_reach_is_said_for_each_contact():
         (lambda s, t: sa.catch(s, t, touching=["palm"]), "palm"),
         (lambda s, t: sa.catch(s, t, bears=(10.0, 0.0)), "bears"),
         (lambda s, t: sa.catch(s, t, bears=[3.0]), "bears"),
-        (lambda s, t: sa.catch(s.with_momentum([0, 0, 0, 0, 0, 1]), t), "momentum"),
+        (lambda s, t: sa.catch(s, t, mode="fixed"), "mode"),
+        (lambda s, t: sa.catch(s, t, constraints=sa.Constraints(wheels=LARGE)), "no"),
         (lambda _, t: sa.catch(sa.load("planar2").at([0.3, 1.2]), t), "pose"),
         (lambda s, _: sa.catch(s, "debris"), "Target"),
     ],

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import joint, link, load_text, random_base, robot, seeds, two_links
+from helpers.arms import chosen, joint, link, load_text, random_base, robot, seeds, two_links
 from helpers.wheels import FREE, WHEELS, with_wheels
 from hypothesis import given, settings
 
@@ -143,12 +143,26 @@ def test_wheels_are_asked_for_with_care():
         sa.load("planar2").at([0, 0], wheels=[1.0])
 
 
+def test_wheels_keep_what_they_hold_through_a_grasp():
+    """The momentum of both is the sum of the parts about the common CM, wheels included."""
+    text = robot(*two_links(), link("rotor"), joint("spin", "bus", "rotor"))
+    arm, rng = load_text(text, tip="arm", wheels=["spin"]), chosen(0)
+    cfg = arm.at([0.1], wheels=[2.0], momentum=rng.normal(size=6))
+    v, w, mass, com = *rng.normal(size=(2, 3)), 1.5, rng.normal(size=3)
+    found = sa.capture(cfg, [*v, *w], mass, 0.3 * np.eye(3), com, dq=[0.2])
+    after = found.configuration
+    body, p = cfg.tip.act(com), cfg.momentum[:3]
+    angular = cfg.momentum[3:] + 0.3 * w + np.cross(cfg.com - after.com, p)
+    angular += np.cross(body - after.com, mass * v)
+    np.testing.assert_allclose(found.momentum, np.append(p + mass * v, angular), atol=1e-12)
+    np.testing.assert_array_equal(after.wheels, cfg.wheels)
+    assert found.energy_lost > 0.0
+
+
 def test_what_cannot_bear_spinning_wheels_says_why():
     text = robot(*two_links(), link("rotor"), joint("spin", "bus", "rotor"))
     cfg = load_text(text, tip="arm", wheels=["spin"]).at([0.1], wheels=[2.0])
     with pytest.raises(sa.UnsupportedError, match=re.escape("turns with time, not with the joi")):
         sa.move(cfg, [0.2])
-    with pytest.raises(sa.UnsupportedError, match="how their motors bear an impact"):
-        sa.capture(cfg, np.zeros(6), 1.0)
     still = cfg.arm.at([0.1])
     assert sa.move(still, [0.2]).q[0] == 0.2

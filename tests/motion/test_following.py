@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import chosen, load_text, random_chain
+from helpers.arms import chosen, load_text, random_chain, with_wheels
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
@@ -377,3 +377,31 @@ def test_a_path_with_times_starts_from_rest_without_a_jump(arm):
         rate = make_interp_spline(run.t[part], momentum[part], k=5).derivative()
         size = np.abs(torque).max()
         np.testing.assert_allclose(rate(run.t[part]), torque[part], atol=1e-3 * size)
+
+
+@pytest.mark.parametrize("mode", ["free-floating", "attitude-controlled"])
+@pytest.mark.parametrize("seed", range(2))
+def test_with_momentum_the_tip_passes_the_corners_as_simulated(seed, mode):
+    """The tip and the momentum of `simulate`, whose equations know nothing of paths."""
+    rng = chosen(seed)
+    text = with_wheels(random_chain(rng, 6, ("revolute",)), np.eye(3))
+    arm = load_text(text, tip="tip", task="pose")
+    q = rng.uniform(-1.5, 1.5, 6)
+    while sa.singularity(arm.at(q), mode=mode).distance < 0.25:
+        q = rng.uniform(-1.5, 1.5, 6)
+    still = arm.at(q)
+    momentum = np.concatenate((arm.mass * 0.01 * rng.normal(size=3), 0.02 * rng.normal(size=3)))
+    wheels = 0.05 * rng.normal(size=3)
+    if mode == "attitude-controlled":
+        momentum[3:], wheels = 0.0, np.zeros(3)
+    start = still.with_momentum(momentum).with_wheels(wheels)
+    goal = still.tip * pin.SE3(pin.exp3(0.02 * rng.normal(size=3)), 0.02 * rng.normal(size=3))
+    way = sa.follow(start, [goal], times=[2.0], mode=mode, limits=False)
+    assert way.arrived, way.reason
+    assert np.linalg.norm(pin.log6(goal.actInv(way[-1].tip))) < 1e-8
+    law = sa.Tracking(way)
+    run = sa.simulate(start, law, 2.0, dq=way.dq[0], mode=mode)
+    ends = run[-1].tip
+    off = pin.log6(ends.actInv(goal))
+    assert np.linalg.norm(off) < 1e-5
+    np.testing.assert_allclose(run[-1].com - start.com, 2.0 * momentum[:3] / arm.mass, atol=1e-9)
