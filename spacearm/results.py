@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import wraps
 from html import escape
 from itertools import takewhile
 from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
@@ -197,13 +198,18 @@ class Described(ABC):
 @checked
 @dataclass_transform(frozen_default=True, eq_default=False)
 class Result(Described):
-    """Base of results: frozen dataclasses of read-only arrays, with `describe` and `to_dict`."""
+    """Base of results: frozen dataclasses of read-only arrays, with `describe` and `to_dict`.
+
+    Both say what was `not_checked`, which a class need not repeat in its own.
+    """
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
     JSON: ClassVar[Mapping[str, str]] = {}
     """Names that fields have in `to_dict` where their own mean something else in other results."""
 
     def __init_subclass__(cls, **options: bool) -> None:
+        for name in {"describe"} & vars(cls).keys():
+            setattr(cls, name, _with_limits(vars(cls)[name]))
         checked(dataclass(frozen=True, eq=False, repr=False, **options)(cls))
 
     def __post_init__(self) -> None:
@@ -220,6 +226,16 @@ class Result(Described):
         """Return all fields as plain JSON data: arrays as nested lists, an arm as its name."""
         told = {self.JSON.get(f.name, f.name): plain(getattr(self, f.name)) for f in fields(self)}
         return told | {"not_checked": self.not_checked}
+
+
+def _with_limits(describe: Callable[[Any], Description]) -> Callable[[Any], Description]:
+    """Return a `describe` whose description says what was not checked, too."""
+
+    @wraps(describe)
+    def described(self: Any) -> Description:
+        return replace(describe(self), not_checked=self.not_checked)
+
+    return described
 
 
 def short_names(names: Sequence[str]) -> list[str]:

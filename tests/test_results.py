@@ -363,7 +363,6 @@ class Slosh(Result):
             notes=["a made-up result"],
             tables=[Table((Column("time", "s", ".2f"), Column("turn of the fuel", "rad")), rows)],
             events=Table(("event", Column("time", "s")), [("splash", 0.5)]),
-            not_checked=self.not_checked,
         )
 
 

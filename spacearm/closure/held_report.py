@@ -160,7 +160,6 @@ class HeldReport(Result):
                 ),
                 Table.by_columns(columns, "Posture; joint motions that keep the grasps closed"),
             ],
-            not_checked=self.not_checked,
         )
 
 

@@ -132,7 +132,6 @@ class Held(Result):
                 Table(columns, rows, "Grasps"),
                 Table.by_columns(joints, "Posture"),
             ],
-            not_checked=self.not_checked,
         )
 
 

@@ -92,7 +92,6 @@ class Dynamics(Result):
             title=f"{self.arm.name}, dynamics of one state",
             notes=["inertial axes"],
             tables=[results.Table.by_columns(columns), results.Table.facts(facts, "Spacecraft")],
-            not_checked=self.not_checked,
         )
 
 
@@ -417,7 +416,6 @@ class Capture(Result):
             verdict=f"{self.energy_lost:.6g} J lost, the spacecraft turns at {turn:.3g}°/s",
             notes=["inertial axes; a plastic impact"],
             tables=[results.Table.facts(facts)],
-            not_checked=self.not_checked,
         )
 
 

@@ -242,7 +242,6 @@ class FeasibleAttitudes(Result):
                 f"the attitudes, joint limits {'count' if self.limits else 'do not count'}"
             ],
             tables=[Table(("ended", "attitudes tried"), ends)],
-            not_checked=self.not_checked,
         )
         if self.ball is None:
             return said

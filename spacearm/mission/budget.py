@@ -124,7 +124,6 @@ class MomentumBudget(Result):
             title=arm.name,
             verdict=self.verdict,
             tables=[Table.facts(facts)],
-            not_checked=self.not_checked,
         )
 
 

@@ -186,7 +186,6 @@ class Catch(Result, kw_only=True):
             tone="good",
             notes=[self.plan.checked, *self._wheels()],
             tables=[Table.facts(facts), Table(columns, rows, "Tried")],
-            not_checked=self.not_checked,
         )
 
     def _wheels(self) -> list[str]:

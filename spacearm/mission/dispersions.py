@@ -180,7 +180,6 @@ class CatchRuns(Result, kw_only=True):
             verdict=f"{self.share:.1%} caught ({low:.1%} to {high:.1%} with 95 % confidence)",
             tone="good" if low >= 0.5 else "caution",
             tables=tables,
-            not_checked=self.not_checked,
         )
 
     def to_dict(self) -> dict[str, Any]:

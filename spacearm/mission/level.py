@@ -144,7 +144,6 @@ class LevelReach(Result):
             title=f"{self.arm.name}, turned by at most {np.degrees(self.tilt):.3g}°",
             verdict=f"straight lines from {reach.min():.4g} to {reach.max():.4g} m",
             tables=[Table.facts(facts)],
-            not_checked=self.not_checked,
         )
 
 
@@ -197,7 +196,6 @@ class LevelEnvelope(Result):
             title=self.arm.name,
             verdict=f"{self.travel:g} m of the tip turn the bus by {turns}",
             tables=[Table.by_columns(columns)],
-            not_checked=self.not_checked,
         )
 
 

@@ -152,7 +152,6 @@ class Flight(Trajectory, kw_only=True):
             verdict=f"{len(self.phases)} phases, {end:.6g} s, ended by {self.ended}",
             tables=[Table(columns, rows)],
             events=events_table(arm, self.events),
-            not_checked=self.not_checked,
         )
 
 

@@ -357,7 +357,6 @@ class Motion(Result):
                 Table(("", "start", "end"), ends, "Spacecraft and tip"),
                 *tables,
             ],
-            not_checked=self.not_checked,
         )
 
     def _held(self) -> tuple[list[str], list[Table]]:

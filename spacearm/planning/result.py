@@ -412,5 +412,4 @@ class Connection(Result):
             title=f"{self.arm.name}: connected without a singularity",
             verdict=proven.get(self.answer, self.answer),
             tables=[Table.facts(facts)],
-            not_checked=self.not_checked,
         )

@@ -169,7 +169,6 @@ class Certificate(Result):
             verdict=WORDS[self.verdict],
             tone="good" if self.free else "bad",
             tables=[Table.facts(facts)],
-            not_checked=self.not_checked,
         )
 
 

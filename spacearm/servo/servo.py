@@ -123,7 +123,6 @@ class ServoStep(Result):
             verdict=self.verdict,
             tone="bad" if self.halted else "caution" if self.slowed else "good",
             tables=[joints, Table.facts(facts)],
-            not_checked=self.not_checked,
         )
 
 

@@ -93,7 +93,6 @@ class Watched(Result):
             verdict=self.verdict,
             tone=TONES[self.level],
             tables=[Table.by_columns(columns), Table.facts(facts)],
-            not_checked=self.not_checked,
         )
 
 

@@ -292,7 +292,6 @@ class FreeBoxes(Result):
             tone="good",
             tables=[Table.by_columns(columns, f"The largest {len(shares)} parts")]
             * bool(len(shares)),
-            not_checked=self.not_checked,
         )
 
 

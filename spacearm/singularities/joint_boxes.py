@@ -208,7 +208,6 @@ class FreeBox(Result):
                 *[f"{open_} sides may go on: the proof ended there."] * bool(open_),
             ],
             tables=tables,
-            not_checked=self.not_checked,
         )
 
     @property

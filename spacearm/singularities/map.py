@@ -73,7 +73,6 @@ class SingularMap(Result):
             title=self.arm,
             verdict=f"{self.joints[0]} x {self.joints[1]}, {len(self.angles)} points each",
             tables=[Table.facts(facts)],
-            not_checked=self.not_checked,
         )
 
 

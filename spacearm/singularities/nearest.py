@@ -127,7 +127,6 @@ class NearestSingular(Result):
                 payload_note(self.arm, self.mode),
             ],
             tables=[Table.by_columns(columns)],
-            not_checked=self.not_checked,
         )
 
 

@@ -201,7 +201,6 @@ class SingularityReport(Result):
             tone=TONES[self.kind],
             notes=notes,
             tables=tables,
-            not_checked=self.not_checked,
         )
 
     def _posture(self) -> Table:

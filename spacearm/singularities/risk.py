@@ -84,7 +84,6 @@ class RiskProfile(Result):
             verdict=verdict,
             notes=["R: distance of the tip from the system CM"],
             tables=[Table.by_columns(classes)],
-            not_checked=self.not_checked,
         )
 
 
@@ -211,7 +210,6 @@ class PoseRisk(Result):
                 f"{self.within.max():.3g} m of the system CM"
             ],
             tables=[table],
-            not_checked=self.not_checked,
         )
 
 

@@ -77,7 +77,6 @@ class ErrorBars(Result):
             title=f"{self.arm.name}, rounding errors",
             verdict=f"singular values are exact to {self.sigma:.3g} {self.arm.sigma_unit}",
             tables=[Table.by_columns(columns)],
-            not_checked=self.not_checked,
         )
 
 

@@ -174,7 +174,6 @@ class Identified(Result, kw_only=True):
             tone="caution" if missing else "good",
             notes=[f"{self.rows} instants, misfit {self.misfit:.2g}", *([missing] * bool(missing))],
             tables=[Table(columns, rows)],
-            not_checked=self.not_checked,
         )
 
 

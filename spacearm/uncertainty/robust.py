@@ -103,7 +103,6 @@ class DistanceRange(Result):
             verdict=f"found {low} to {high} away, {nominal} as described; {itself}",
             notes=["Arms that were not tried may come nearer or stay farther away."],
             tables=[Table.facts(facts)],
-            not_checked=self.not_checked,
         )
 
 
@@ -150,7 +149,6 @@ class RobustCertificate(Result):
             verdict=self.verdict + (f" with {with_}" if with_ else ""),
             tone=tones.get(self.verdict, "caution"),
             tables=[Table.facts(facts)],
-            not_checked=self.not_checked,
         )
 
 
@@ -398,7 +396,6 @@ class ShellBands(Result):
             verdict=f"{number} shells" if number else "shells of different number",
             notes=["Arms that were not tried may have shells outside these bands."],
             tables=[Table.by_columns(bands)],
-            not_checked=self.not_checked,
         )
 
 

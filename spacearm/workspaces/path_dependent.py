@@ -87,7 +87,6 @@ class Region(Result):
             verdict=self.kind,
             tone="good" if self.kind == "path independent" else "bad",
             tables=[Table.facts(facts), *([Table(("joint", *found), rows)] if rows else [])],
-            not_checked=self.not_checked,
         )
 
 
@@ -346,7 +345,6 @@ class Workspace(Result):
             verdict=f"{self.fraction:.2%} of the reachable workspace is path independent",
             notes=[f"distances of the tip from the system CM ({how})"],
             tables=[Table(("workspace", *distances, size), rows)],
-            not_checked=self.not_checked,
         )
 
     def __repr__(self) -> str:
