@@ -132,6 +132,25 @@ def unknown(kind: str, name: object, valid: Iterable[str]) -> str:
     return f"unknown {kind} {wanted!r}; valid, nearest first: {shown}"
 
 
+def require_known(
+    kind: str, given: Iterable[object], valid: Collection[str], where: str = ""
+) -> None:
+    """Refuse a name, or names, that do not exist.
+
+    Args:
+        kind: What they are names of.
+        given: One name, or several.
+        valid: Those that exist.
+        where: How the message begins.
+
+    Raises:
+        ConfigurationError: One does not exist; says which do.
+    """
+    for name in [given] if isinstance(given, str) else given:
+        if name not in valid:
+            raise ConfigurationError(f"{where}{unknown(kind, name, valid)}")
+
+
 def listed(names: Collection[str], of: int | None = None) -> str:
     """Write the first ten names, and how many more there are.
 

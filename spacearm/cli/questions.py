@@ -13,7 +13,7 @@ import typer
 
 import spacearm as sa
 from spacearm.cli import options as opt
-from spacearm.errors import unknown
+from spacearm.errors import require_known
 from spacearm.model.joints import warn_outside
 from spacearm.motion.controllers import LAWS, Controller
 from spacearm.motion.goal import Goal, goal_of
@@ -195,8 +195,7 @@ def obstacle_of(text: str, deg: bool) -> sa.Obstacle:
     option = f"--obstacle {text!r}: a part"
     body, _, margin = text.partition("@")
     kind, *parts = body.split(":")
-    if kind not in SHAPES:
-        raise sa.ConfigurationError(f"--obstacle {text!r}: {unknown('kind', kind, SHAPES)}")
+    require_known("kind", kind, SHAPES, f"--obstacle {text!r}: ")
     if not 2 <= len(parts) <= 3:
         raise sa.ConfigurationError(f"--obstacle {text!r}: give KIND:X,Y,Z:WHAT[:R,P,Y][@MARGIN]")
     what: Any = parts[1]

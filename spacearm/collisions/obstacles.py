@@ -21,7 +21,7 @@ from spacearm.collisions.bodies import Bodies, Body, extent
 from spacearm.collisions.solids import hull, link_solids, primitive
 from spacearm.collisions.swept_motion import helix
 from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere, Visuals, read_mesh
-from spacearm.errors import ConfigurationError, ModelError, unknown
+from spacearm.errors import ConfigurationError, ModelError, require_known
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
@@ -308,9 +308,7 @@ class Obstacle:
     ) -> Obstacle:
         """Return an obstacle; one that is moved in ways of its own has fewer options."""
         names = ("name", "margin", "may_touch") if moving else OPTIONS
-        for option in options:
-            if option not in names:
-                raise ConfigurationError(unknown("option", option, names))
+        require_known("option", options, names)
         shape = None if geometry is None else Shape(ORIGIN, geometry)
         options = {"name": kind} | options | moving
         return cls(kind=kind, shape=shape, pose=sound_pose(pose, "pose"), **options)
@@ -457,8 +455,6 @@ def obstacles_of(given: object, arm: SpaceArm) -> tuple[Obstacle, ...]:
                 f"obstacles holds a {type(thing).__name__}; give sa.Obstacle.box(...), .sphere, "
                 ".cylinder, .mesh or .robot, a sa.Target, or a configuration or motion of a robot"
             )
-        for link in thing.may_touch:
-            if link not in arm.tree.links:
-                raise ConfigurationError(unknown(f"link of {arm.name}", link, arm.tree.links))
+        require_known(f"link of {arm.name}", thing.may_touch, arm.tree.links)
         found.append(thing)
     return tuple(found)

@@ -20,7 +20,7 @@ from spacearm.description import grippers
 from spacearm.description.grippers import fingers
 from spacearm.description.srdf import named_tips
 from spacearm.description.tree import Tree
-from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, listed, unknown
+from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, listed, require_known
 
 MOST_JOINTS = 300
 """Largest number of movable joints among which a tip is looked for."""
@@ -88,8 +88,7 @@ def only_tip(tips: Sequence[str], robot: str) -> str:
 
 def _check(tree: Tree, link: str) -> None:
     """Refuse a link that does not exist or is part of the spacecraft."""
-    if link not in tree.links:
-        raise ConfigurationError(f"tip: {unknown('link', link, tree.links)}")
+    require_known("link", link, tree.links, "tip: ")
     if not tree.movable(link):
         raise ConfigurationError(
             f"tip {link!r} is part of the spacecraft; choose a link behind a movable joint: "

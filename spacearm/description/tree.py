@@ -16,7 +16,7 @@ import pinocchio as pin
 from spacearm.arrays import LARGEST, LEAST_MASS, Array, finite, read_only
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.shapes import Visuals
-from spacearm.errors import ConfigurationError, ModelError, listed, unknown
+from spacearm.errors import ConfigurationError, ModelError, listed, require_known, unknown
 
 Wheels: TypeAlias = Collection[str] | Mapping[str, Sequence[float]]
 """Joints of wheels, or their largest torque [N m] and momentum [N m s] by name."""
@@ -209,9 +209,7 @@ class Tree:
         led = {joint.mimic.leader for joint in self.joints.values() if joint.mimic}
         turning = [j.name for j in self.leading() if j.kind != "prismatic" and j.name not in led]
         turning += [joint.name for joint in self.joints.values() if joint.kind == "wheel"]
-        for name in wheels:
-            if name not in turning:
-                raise ConfigurationError(f"wheels: {unknown('turning joint', name, turning)}")
+        require_known("turning joint", wheels, turning, "wheels: ")
         tree = self.with_joints(*(replace(self.joints[name], kind="wheel") for name in wheels))
         limits = wheels.items() if isinstance(wheels, Mapping) else ()
         return tree.with_joints(*(tree._limited_wheel(*both) for both in limits if len(both[1])))
@@ -279,8 +277,7 @@ class Tree:
                 raise ConfigurationError(
                     f"{argument}: joint {name!r} mimics {joint.mimic.leader!r}; {verb} that one"
                 )
-            if name not in leading:
-                raise ConfigurationError(f"{argument}: {unknown('movable joint', name, leading)}")
+            require_known("movable joint", [name], leading, f"{argument}: ")
 
     def leader(self, joint: Joint) -> Joint:
         """Return the joint that a joint mimics in the end; the joint itself if it mimics none."""
@@ -331,8 +328,7 @@ class Tree:
         movable = {joint.name: joint for joint in self.movable()}
         changed = []
         for name, (lower, upper) in ranges.items():
-            if name not in movable:
-                raise ConfigurationError(f"ranges: {unknown('joint', name, list(movable))}")
+            require_known("joint", name, movable, "ranges: ")
             if not lower <= upper:
                 raise ConfigurationError(
                     f"ranges of {name!r} is ({lower}, {upper}); give the least position first"

@@ -24,7 +24,7 @@ from spacearm.equations import dynamics, kinematics, measures
 from spacearm.equations.kinematics import Parameters, Structure
 from spacearm.equations.linear_algebra import bidiagonal
 from spacearm.equations.measures import distance, singularity
-from spacearm.errors import ConfigurationError, UnsupportedError, imported, unknown
+from spacearm.errors import ConfigurationError, UnsupportedError, imported, require_known
 from spacearm.export.servo_code import servo_code, template
 from spacearm.files import name_part, write
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
@@ -239,9 +239,7 @@ def chosen(names: str | Sequence[str]) -> tuple[str, ...]:
         ConfigurationError: There is no such parameter.
     """
     wanted = tuple(dict.fromkeys((names,) if isinstance(names, str) else names))
-    for name in wanted:
-        if name not in Parameters._fields:
-            raise ConfigurationError(unknown("parameter", name, Parameters._fields))
+    require_known("parameter", wanted, Parameters._fields)
     return wanted
 
 

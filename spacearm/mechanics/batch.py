@@ -21,7 +21,7 @@ from spacearm.compiler.machine import processors
 from spacearm.equations import measures
 from spacearm.equations.kinematics import jacobian
 from spacearm.equations.plant import Pushed, Setup, loaded_accelerations
-from spacearm.errors import ConfigurationError, ModelError, listed, unknown
+from spacearm.errors import ConfigurationError, ModelError, listed, require_known
 from spacearm.mechanics import arm_kernels
 from spacearm.mechanics.arm_kernels import ArmKernel, evaluated, worth_compiling
 from spacearm.mechanics.distance import distances
@@ -205,9 +205,7 @@ def evaluate(
     if isinstance(quantities, str):
         quantities = (quantities,)
     out = {} if out is None else out
-    for name in (*quantities, *out):
-        if name not in (*QUANTITIES, *NEARNESS):
-            raise ConfigurationError(unknown("quantity", name, (*QUANTITIES, *NEARNESS)))
+    require_known("quantity", (*quantities, *out), (*QUANTITIES, *NEARNESS))
     if extra := set(out) - set(quantities):
         raise ConfigurationError(
             f"out has arrays for {', '.join(sorted(extra))}, which quantities does not name"
@@ -379,8 +377,7 @@ def joint_accelerations(
     if momentum is not None or spin.any():
         rows |= {"h": h[:, 3:], "spin": spin}
     for link, values in (wrenches or {}).items():
-        if link not in arm.tree.links:
-            raise ConfigurationError(unknown("link", link, arm.tree.links))
+        require_known("link", link, arm.tree.links)
         rows[f"wrench on {link}"] = _rows(values, m, 6, f"the wrench on {link!r}")
     result, links = results_for(out, (m, arm.n), "out"), tuple(wrenches or ())
     run = _accelerated if worth_compiling(m, SINGLY) else _accelerated_singly

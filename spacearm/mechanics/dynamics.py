@@ -31,7 +31,7 @@ import pinocchio as pin
 
 from spacearm import results
 from spacearm.arrays import Array, finite, positive
-from spacearm.errors import ConfigurationError, ModelError, unknown
+from spacearm.errors import ModelError, require_known
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import LWA
@@ -274,8 +274,7 @@ def _bias(cfg: Configuration, v: Array, wrenches: Wrenches | None) -> Array:
     c = np.array(pin.rnea(arm.model, data, cfg.full_at_origin, full, np.zeros_like(full)))
     c = c if arm.coupling is None else arm.project(c[None])[0]
     for link, values in (wrenches or {}).items():
-        if link not in arm.tree.links:
-            raise ConfigurationError(unknown("link", link, arm.tree.links))
+        require_known("link", link, arm.tree.links)
         wrench = finite(values, (6,), f"the wrench on {link!r}", "[force [N]; torque [N m]]")
         frame = arm.model.getFrameId(link, pin.BODY)
         J = pin.computeFrameJacobian(arm.model, data, cfg.full_at_origin, frame, LWA)

@@ -18,7 +18,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError, listed, unknown
+from spacearm.errors import listed, require_known
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import LWA
@@ -255,9 +255,7 @@ def prescribed_motion(
         (('joint_2',), array([-0.0698,  0.0339]))
     """
     arm, f = cfg.arm, free_components(mode)
-    for name in rates:
-        if name not in arm.joint_names:
-            raise ConfigurationError(f"rates: {unknown('joint', name, arm.joint_names)}")
+    require_known("joint", rates, arm.joint_names, "rates: ")
     dq = joint_vector(arm, [rates.get(name, 0.0) for name in arm.joint_names], "the rate")
     J = generalized_jacobian(cfg, mode=mode)
     h = (cfg.momentum - cfg.stored)[:f]

@@ -19,7 +19,7 @@ from spacearm.description.bus import Bus
 from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
 from spacearm.description.tree import Tree
-from spacearm.errors import ConfigurationError, ModelError, listed, unknown
+from spacearm.errors import ConfigurationError, ModelError, listed, require_known
 from spacearm.mechanics.free_rotation import FreeRotation
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.results import Cell, Column, Described, Description, Measure, Table
@@ -194,8 +194,7 @@ class Target(Described):
         Raises:
             ConfigurationError: There is no such frame.
         """
-        if grapple not in self.grapples:
-            raise ConfigurationError(unknown(f"grapple of {self.name}", grapple, self.grapples))
+        require_known(f"grapple of {self.name}", grapple, self.grapples)
         return self.grapples[grapple].copy()
 
     def moved(self, far: float, t0: float, t1: float) -> float:

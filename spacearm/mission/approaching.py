@@ -24,6 +24,7 @@ from spacearm.errors import (
     ImpossibleError,
     NoSolutionError,
     UnsupportedError,
+    require_known,
     unknown,
 )
 from spacearm.mechanics.batch import evaluate
@@ -120,9 +121,7 @@ class Approach:
             raise ConfigurationError(f"bears is {bears!r}; give a force [N] and a moment [N m] > 0")
         if touching is None:
             touching = arm.tree.lumps[arm.tree.body_of[arm.tip]]
-        for link in touching:
-            if link not in arm.tree.links:
-                raise ConfigurationError(unknown(f"link of {arm.name}", link, arm.tree.links))
+        require_known(f"link of {arm.name}", touching, arm.tree.links)
         return cls(
             start, target, tuple(target.grapples) if grapple is None else (grapple,),
             (float(early), float(late)), positive(approach, "approach", "distance [m]"),

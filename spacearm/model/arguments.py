@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Literal
 
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.errors import UnsupportedError, require_known
 from spacearm.model.arm import SpaceArm
 
 BaseMode = Literal["free-floating", "attitude-controlled", "fixed"]
@@ -23,8 +23,7 @@ def free_components(mode: str) -> int:
     Raises:
         ConfigurationError: There is no such mode.
     """
-    if mode not in tuple(FREE_TWIST):
-        raise ConfigurationError(unknown("mode", mode, FREE_TWIST))
+    require_known("mode", mode, FREE_TWIST)
     return FREE_TWIST[mode]
 
 

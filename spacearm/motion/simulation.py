@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import finite, positive, shape_of, whole
 from spacearm.compiler.machine import processors
-from spacearm.errors import ConfigurationError, NoSolutionError, unknown
+from spacearm.errors import ConfigurationError, NoSolutionError, require_known
 from spacearm.mechanics.arm_kernels import structure_of
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
@@ -149,9 +149,7 @@ def _by_tip(arm: SpaceArm, controller: Laws) -> dict[int, Controller]:
     if not isinstance(controller, Mapping):
         arm.require_one_tip()
         return {-1: controller}
-    for tip in controller:
-        if tip not in arm.tips:
-            raise ConfigurationError(unknown("tip", tip, arm.tips))
+    require_known("tip", controller, arm.tips)
     return {arm.tips.index(tip): law for tip, law in controller.items()}
 
 

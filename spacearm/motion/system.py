@@ -17,7 +17,7 @@ from spacearm.compiler.expressions import asarray
 from spacearm.compiler.users import over_symbols
 from spacearm.equations.laws import Law, Source, State
 from spacearm.equations.plant import Event, Parts, Pushed, Setup, moving, parts
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.errors import ConfigurationError, UnsupportedError, require_known
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
@@ -72,9 +72,7 @@ class System:
             raise ConfigurationError(
                 f"momentum of the start is {h.tolist()}; a fixed spacecraft takes it up"
             )
-        for link, *_ in self.plant.pushed:
-            if link not in arm.tree.links:
-                raise ConfigurationError(unknown("link", link, arm.tree.links))
+        require_known("link", [link for link, *_ in self.plant.pushed], arm.tree.links)
         for name in self.passive:
             joint_name(arm, name)
         if self.plant.wheels is None:
@@ -358,9 +356,7 @@ def wanted_events(
         ConfigurationError: One does not exist.
     """
     kinds, reach = (*integration.events, *stop), integration.reach
-    for kind in kinds:
-        if kind not in EVENTS:
-            raise ConfigurationError(unknown("event", kind, EVENTS))
+    require_known("event", kinds, EVENTS)
     found: list[WantedEvent] = []
     arm = system.arm
 

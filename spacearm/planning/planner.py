@@ -18,7 +18,7 @@ from spacearm.errors import (
     ImpossibleError,
     NoSolutionError,
     UnsupportedError,
-    unknown,
+    require_known,
 )
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration
@@ -108,8 +108,7 @@ def plan(
         >>> plan.method, plan.certificate.free
         ('straight', True)
     """
-    if mode not in (FLOATING, HELD):
-        raise ConfigurationError(unknown("mode", mode, (FLOATING, HELD)))
+    require_known("mode", mode, (FLOATING, HELD))
     if mode == FLOATING and constraints.wheels is not None:
         raise ConfigurationError(f"wheels hold no attitude while mode is {mode!r}; give {HELD!r}")
     request = PlanRequest.of(

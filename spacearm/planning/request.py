@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Parameters, finite, plain, positive, whole
 from spacearm.collisions.obstacles import Obstacle, ObstacleLike, obstacles_of
-from spacearm.errors import ConfigurationError, listed, unknown
+from spacearm.errors import ConfigurationError, listed, require_known
 from spacearm.model.arguments import require_possible
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.goal import Goal, Origin, goal_pose, started
@@ -268,9 +268,7 @@ def _twist(arm: SpaceArm, given: FinalTwist) -> Array:
                 f"{listed(arm.tips)}"
             )
         given = {arm.tips[0]: given}
-    for name in given:
-        if name not in arm.tips:
-            raise ConfigurationError(f"final_twist: {unknown('tip', name, arm.tips)}")
+    require_known("tip", given, arm.tips, "final_twist: ")
     k = len(arm.task.rows)
     meaning = f"[m/s] or [rad/s], one for each row of the task: {' '.join(arm.task.rows)}"
     rest = np.zeros(k)
@@ -288,9 +286,7 @@ def _with_tips(start: Configuration, tips: Collection[str]) -> Configuration:
     arm = start.arm
     if not tips:
         raise ConfigurationError(f"goal is empty; name some of the tips {listed(arm.tips)}")
-    for name in tips:
-        if name not in arm.tips:
-            raise ConfigurationError(f"goal: {unknown('tip', name, arm.tips)}")
+    require_known("tip", tips, arm.tips, "goal: ")
     some = tuple(tip for tip in arm.tips if tip in tips)
     if some == arm.tips:
         return start

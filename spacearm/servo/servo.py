@@ -14,7 +14,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, plain, positive, shape_of
 from spacearm.equations import servo as ticks
 from spacearm.equations.servo import Frame, Limits, Memory, Seen, Tick, packed, unpacked
-from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
+from spacearm.errors import ConfigurationError, UnsupportedError, listed, require_known
 from spacearm.mechanics.arm_kernels import ArmKernel
 from spacearm.mechanics.distance import FADING
 from spacearm.model.arguments import BaseMode, free_components, require_possible
@@ -197,8 +197,7 @@ class Servo:
                 f"{arm.name} has {arm.n} joints and its task {arm.task.k} rows, so that it is "
                 "singular everywhere; name fewer rows: task=..."
             )
-        if frame not in FRAMES:
-            raise ConfigurationError(unknown("frame", frame, FRAMES))
+        require_known("frame", frame, FRAMES)
         if keep_attitude and (arm.n == arm.task.k or mode != "free-floating"):
             raise UnsupportedError(
                 f"{arm.name}: keep_attitude takes a free-floating arm with more joints than the "

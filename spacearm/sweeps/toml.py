@@ -12,7 +12,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.errors import LONGEST_NAME, ConfigurationError, UnsupportedError, shortened, unknown
+from spacearm.errors import (
+    LONGEST_NAME,
+    ConfigurationError,
+    UnsupportedError,
+    require_known,
+    shortened,
+    unknown,
+)
 from spacearm.files import read
 
 T = TypeVar("T")
@@ -41,9 +48,7 @@ class Table:
 
     def knows(self, *names: str) -> None:
         """Refuse keys that are not among these names."""
-        for key in self.values:
-            if key not in names:
-                raise ConfigurationError(f"{self.where}: {unknown('key', key, names)}")
+        require_known("key", self.values, names, f"{self.where}: ")
 
     def some(self, *names: str) -> dict[str, Any]:
         """Return those of these keys that there are, with their values."""

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, generator, whole
 from spacearm.description.bodies import Inertial
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.errors import ConfigurationError, require_known
 from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import SpaceArm
 from spacearm.results import Described, Description, Table
@@ -192,8 +192,7 @@ def uncertain(arm: SpaceArm, spread: Mapping[str, Spread]) -> UncertainArm:
     for link, kinds in spread.items():
         part = arm.whole.with_a_mass(link)
         for kind, value in kinds.items():
-            if kind not in KINDS:
-                raise ConfigurationError(f"{link}: {unknown('kind', kind, KINDS)}")
+            require_known("kind", kind, KINDS, f"{link}: ")
             if kind == "com":
                 found += _shifts(value, link)
             elif hasattr(value, "ppf"):

@@ -15,7 +15,7 @@ import pinocchio as pin
 from spacearm.arrays import LARGEST, Array
 from spacearm.description.model_catalogue import catalogue
 from spacearm.description.readers.source import ROBOTS
-from spacearm.errors import ConfigurationError, ModelError, SpaceArmError, unknown
+from spacearm.errors import ConfigurationError, ModelError, SpaceArmError, require_known
 from spacearm.files import write
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.loading import load
@@ -158,8 +158,7 @@ def chosen(
             changed = False
         elif (robot := message.get("robot")) is not None:
             names = [info.name for info in catalogue()]
-            if robot not in names:
-                raise ConfigurationError(unknown("robot", str(robot)[:LONGEST_NAME], names))
+            require_known("robot", str(robot)[:LONGEST_NAME], names)
             arm, source, locked, changed = load(str(robot)), str(robot), {}, False
         whole = arm.replace(**options) if options else arm
         if joints is not None:

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError, listed, unknown
+from spacearm.errors import ConfigurationError, listed, require_known, unknown
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
@@ -182,8 +182,7 @@ class Session:
         """Lead the tip with a twist for some seconds, by the servo, in axes of a frame."""
         twist, seconds = numbers(message.get("twist"), 6, "twist"), number(message.get("dt"), "dt")
         frame: Any = message.get("frame")
-        if frame not in FRAMES:
-            raise ConfigurationError(unknown("frame", str(frame)[:40], FRAMES))
+        require_known("frame", str(frame)[:40], FRAMES)
         flight = self.flight
         if flight is None or flight.cfg is not self.cfg or flight.servo.frame != frame:
             flight = self.flight = HandFlight(self.cfg, self.spacecraft, frame)
@@ -238,8 +237,7 @@ class Session:
 
     def _mode(self, message: dict[str, Any]) -> None:
         mode = str(message.get("mode"))
-        if mode not in MODES:
-            raise ConfigurationError(unknown("mode", mode[:40], MODES))
+        require_known("mode", mode[:40], MODES)
         self.mode = mode
 
     def _spacecraft(self, message: dict[str, Any]) -> None:

@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, positive
 from spacearm.collisions.obstacles import ObstacleLike, obstacles_of
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.errors import ConfigurationError, require_known
 from spacearm.files import name_part, write_by
 from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.mission.catch_report import Catch
@@ -157,8 +157,7 @@ class Viewer:
         Raises:
             ConfigurationError: There is no such layer.
         """
-        if name not in LAYERS:
-            raise ConfigurationError(unknown("layer", name, LAYERS))
+        require_known("layer", name, LAYERS)
         self._stage.show_layer(name, visible)
         self._changed()
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import NO_NUMBERS, Progress, named, whole
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.errors import ConfigurationError, UnsupportedError, require_known, unknown
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.signatures import checked
@@ -278,8 +278,7 @@ def optimise_mount(
     from scipy.optimize import Bounds, direct, minimize  # slow to import
 
     for name, (low, high) in bounds.items():
-        if name not in MOUNTS:
-            raise ConfigurationError(unknown("mounting coordinate", name, MOUNTS))
+        require_known("mounting coordinate", name, MOUNTS)
         if not (np.isfinite(high - low) and low < high):
             raise ConfigurationError(f"bounds of {name} are {low}, {high}; give low < high [m]")
     if not bounds:

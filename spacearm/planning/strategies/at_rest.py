@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.errors import require_known
 from spacearm.planning.account import Attempts, SearchAccount
 from spacearm.planning.methods import METHODS
 from spacearm.planning.problem import Problem, Rows
@@ -51,8 +51,7 @@ def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]
         StoppedError: Ctrl-C; carries the best attempt.
     """
     account, asked = problem.account, problem.request.search.method
-    if asked not in ("auto", *methods):
-        raise ConfigurationError(unknown("method", asked, ("auto", *methods)))
+    require_known("method", asked, ("auto", *methods))
     attempts = Attempts(account)
     for name in attempts.each(_in_rounds(methods, asked, account)):
         with attempts.at(name):
