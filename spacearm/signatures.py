@@ -99,8 +99,8 @@ class Numbers:
 def checked(thing: F) -> F:
     """Have a public function or class name the arguments that are of a wrong kind or unknown.
 
-    Of a class: its constructor and its public methods, where callers outside this package give
-    them something.
+    Of a class: its constructor and its public methods. What this package gives itself is not
+    checked, but for what front ends hand on.
 
     Raises:
         ConfigurationError: There are such arguments, or one is missing.
@@ -116,29 +116,37 @@ def checked(thing: F) -> F:
 
 
 def _function(function: Callable[..., Any]) -> Any:
-    """Return a function that checks what it is given."""
+    """Return a function that checks what users give it."""
 
     @wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
         if args and function.__name__ in (own := getattr(args[0], "equations", {})):
             return own[function.__name__](*args[1:], **kwargs)  # of a configuration of symbols
-        check(function, args, kwargs)
+        if _by_a_user(sys._getframe(1)):
+            check(function, args, kwargs)
         return function(*args, **kwargs)
 
     return call
 
 
 def _method(method: Callable[..., Any], thing: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a method that checks what callers outside this package give it."""
+    """Return a method that checks what users give it."""
 
     @wraps(method)
     def call(self: Any, *args: Any, **kwargs: Any) -> Any:
-        caller = sys._getframe(1).f_globals.get("__name__", "")
-        if not caller.startswith("spacearm.") or caller.startswith(FRONT_ENDS):
+        if _by_a_user(sys._getframe(1)):
             check(thing, args if isinstance(thing, type) else (self, *args), kwargs)
         return method(self, *args, **kwargs)
 
     return call
+
+
+def _by_a_user(caller: types.FrameType | None) -> bool:
+    """Tell whether a call comes from outside this package, or hands on what does."""
+    name = "dataclasses"  # which calls constructors in `replace`
+    while caller is not None and name == "dataclasses":
+        name, caller = caller.f_globals.get("__name__", ""), caller.f_back
+    return not name.startswith("spacearm.") or name.startswith(FRONT_ENDS)
 
 
 def check(thing: Callable[..., object], args: Sequence[object], kwargs: Mapping[str, Any]) -> None:

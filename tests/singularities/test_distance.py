@@ -37,7 +37,7 @@ def beside(arm, rng, m, deg):
     return Q + joint_scales(arm) * steps
 
 
-LARGE = ("two tips", "cubesat_xarm", "7 joints, some slide")
+LARGE = ("chaser7", "two tips", "cubesat_xarm", "7 joints, some slide")
 
 
 @pytest.mark.parametrize(

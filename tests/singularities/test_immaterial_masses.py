@@ -29,7 +29,9 @@ def loaded(arm, seed):
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize(("seed", "n"), [(0, 6), (1, 7), (2, 8)])
+@pytest.mark.parametrize(
+    ("seed", "n"), [(0, 6), (1, 7), pytest.param(2, 8, marks=pytest.mark.slow)]
+)
 def test_minors_of_a_full_pose_do_not_depend_on_the_payload(seed, n, mode):
     kinds = ("revolute", "revolute", "revolute", "prismatic")  # of four slides one is idle
     arm = load_text(random_chain(seed, n, kinds), tip="tip", task="pose")
@@ -205,9 +207,19 @@ def test_boxes_saved_for_one_payload_are_those_of_another(tmp_path):
         sa.FreeBoxes.load(tmp_path / "boxes.npz", beside, boxes.mode)
 
 
-@pytest.mark.parametrize(("task", "words"), [("pose", "any payload"), ("position", "this payload")])
-def test_results_say_for_which_payload_they_hold(task, words):
-    arm = load_text(random_chain(2, 6 if task == "pose" else 3), task=task)
+HANDS = {
+    "planar": (lambda: sa.load("planar3"), "any payload"),
+    "position": (lambda: load_text(random_chain(2, 3), task="position"), "this payload"),
+    "pose": (lambda: load_text(random_chain(2, 6), task="pose"), "any payload"),
+}
+
+
+@pytest.mark.parametrize(
+    "hand", ["planar", "position", pytest.param("pose", marks=pytest.mark.slow)]
+)
+def test_results_say_for_which_payload_they_hold(hand):
+    make, words = HANDS[hand]
+    arm = make()
     q = np.clip(np.linspace(-0.5, 0.9, arm.n), arm.lower, arm.upper)
     near = sa.singular_set(arm).nearest(q)
     here = sa.Constraints(collisions=False)
