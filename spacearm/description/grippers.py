@@ -6,7 +6,8 @@ fingers from a wrist: there are three or more, or two that are alike, or one mov
 (mimic joints), or they are named so. Branches that end in hands of their own are arms, and so are
 two that have more joints than the arm before them, or axes that are not parallel. A single jaw is
 told by its name, by a frame for a tool on the body that it is hinged to, by the shape of that body,
-which reaches along the jaw, or by how it moves: little, across the palm, or from zero to one side.
+which reaches along the jaw, or by how it moves: little, across the palm, or from zero to one side
+as the joint before it does not.
 """
 
 from __future__ import annotations
@@ -202,8 +203,10 @@ class _Grippers:
             return False
         if slides:
             return 0.0 < branch.stroke <= STROKE * way and self._across(palm, joint)
-        ends = sorted((abs(joint.lower), abs(joint.upper)))
-        return ends[0] <= ONE_SIDED * (joint.upper - joint.lower)
+        before = self._tree.movable(palm)[-1]  # of a finger that curls, too
+        return _one_sided(joint) and not (
+            _one_sided(before) and parallel(self._tree, (before, joint))
+        )
 
     def _opposed(self, branch: _Branch) -> bool:
         """Whether two slides in a row, the second led by the first, move two links oppositely."""
@@ -258,6 +261,14 @@ class _Grippers:
         names = {joint.name for branch in branches for joint in branch.joints}
         alone = [found.copy().pop() for found in leaders if len(found) == 1 and found <= names]
         return len(alone) > len(set(alone))
+
+
+def _one_sided(joint: Joint) -> bool:
+    """Whether a joint turns from about zero to one side."""
+    least = min(abs(joint.lower), abs(joint.upper))
+    return joint.kind != "prismatic" and least <= ONE_SIDED * min(
+        joint.upper - joint.lower, math.pi
+    )
 
 
 PARALLEL = 1e-6

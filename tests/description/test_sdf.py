@@ -211,6 +211,66 @@ def test_universal_and_ball_joints_are_rows_of_hinges(tmp_path):
     assert set(arm.joint_names) == {"b_x", "b_y", "b_z"}
 
 
+@pytest.mark.parametrize(
+    ("pitch", "advance"),
+    [
+        ("<screw_thread_pitch>0.05</screw_thread_pitch>", 0.05),
+        (f"<thread_pitch>{-2 * np.pi / 0.05}</thread_pitch>", 0.05),
+        ("", 1.0),
+    ],
+)
+def test_a_screw_advances_as_it_turns(pitch, advance, tmp_path):
+    """By its pitch a turn along its axis, as a right-handed thread."""
+    arm = load(sdf(model(BUS, ARM, elbow(pitch, "screw"))), tmp_path)
+    assert arm.joint_names == ("elbow",)
+    assert (arm.lower[0], arm.upper[0]) == (-1.0, 2.0)
+    moved = arm.whole.joints["elbow"].motion(0.5)
+    here, there = (arm.at([angle]).tip for angle in (0.0, 0.5))
+    np.testing.assert_allclose(there.rotation, moved.rotation, atol=1e-15)
+    np.testing.assert_allclose(
+        there.translation - here.translation, (0, 0, advance * 0.5 / (2 * np.pi)), atol=1e-14
+    )
+
+
+def test_automatic_inertias_are_those_of_the_collision_shapes(tmp_path):
+    """At the density of each, else of the link, else 1000 kg/m^3; in proportion to a mass given."""
+
+    def made(size, density="", at="0 0 0"):
+        pose, box = f"<pose>{at} 0 0 0</pose>", f"<box><size>{size}</size></box>"
+        given = f"<density>{density}</density>" if density else ""
+        return f"<collision name='{size}'>{given}{pose}<geometry>{box}</geometry></collision>"
+
+    def body(inside, auto=""):
+        inertial = f"<inertial auto='true'>{auto}</inertial>"
+        part = f"<link name='arm'><pose>1 0 0 0 0 0</pose>{inertial}{inside}</link>"
+        return load(sdf(model(BUS, part, ELBOW), "1.11"), tmp_path, task="x y").tree.links["arm"]
+
+    one = body(made("0.1 0.2 0.3"))
+    assert one.mass == pytest.approx(6.0)
+    wanted = 6.0 / 12.0 * np.diag([0.13, 0.10, 0.05])
+    np.testing.assert_allclose(one.inertia, wanted, rtol=1e-12, atol=1e-15)
+    half = body(made("0.1 0.2 0.3"), "<density>500</density>")
+    np.testing.assert_allclose(half.inertia, 0.5 * wanted, rtol=1e-12, atol=1e-15)
+    heavy = body(made("0.1 0.2 0.3"), "<density>500</density><mass>12</mass>")
+    np.testing.assert_allclose(heavy.inertia, 2.0 * wanted, rtol=1e-12, atol=1e-15)
+    two = body(made("1 1 1", "1") + made("1 1 1 ", "3", "1 0 0"), "<density>7</density>")
+    assert two.mass == pytest.approx(4.0)
+    np.testing.assert_allclose(two.origin.translation, (0.75, 0, 0), rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(
+        two.inertia, np.diag([1, 1, 1]) * 4 / 6 + np.diag([0, 0.75, 0.75]), rtol=1e-12, atol=1e-15
+    )
+    said = pytest.warns(sa.ModelWarning, match="'arm' has <inertial auto='true'> and no collision")
+    with said, pytest.raises(sa.ModelError, match="no movable link has mass"):
+        body("<collision name='c'><geometry><plane/></geometry></collision>")
+
+
+def test_joints_of_old_files_may_have_the_names_of_links(tmp_path):
+    parts = (BUS, ARM, joint("arm", "bus", "arm"), "<frame name='bus'/>")
+    arm = load(sdf(model(*parts), "1.6"), tmp_path)
+    assert arm.joint_names == ("arm_joint",)
+    assert "bus_frame" in arm.tree.links
+
+
 def test_limits_that_are_none(tmp_path):
     big = "<limit><lower>-1e16</lower><upper>1e+16</upper><effort>-1</effort>"
     big += "<velocity>-1</velocity></limit>"
@@ -269,7 +329,7 @@ RING = [
 
 BAD = {
     "two models": (sdf(model(BUS) + model(ARM)), "0 <world> and 2 <model> below <sdf>; keep one"),
-    "nothing": (sdf(""), "0 <world> and 0 <model>"),
+    "nothing": (sdf(""), "0 <world> and 0 <model> below <sdf>; it needs one"),
     "no links": (sdf(model()), "has no links"),
     "no joints": (sdf(model(BUS)), "has no joint that can move"),
     "a version that is none": (sdf(model(BUS), "new"), "has version='new'"),
@@ -280,7 +340,7 @@ BAD = {
         "joint 'elbow' has no <parent>; add",
     ),
     "an unknown type": (sdf(model(BUS, ARM, elbow(kind="hinge"))), "'elbow' has type 'hinge'; use"),
-    "a screw": (sdf(model(BUS, ARM, elbow(kind="screw"))), "type 'screw'; use one of fixed, rev"),
+    "a gearbox": (sdf(model(BUS, ARM, elbow(kind="gearbox"))), "'gearbox'; use one of fixed, rev"),
     "a loop of joints": (
         sdf(model(BUS, ARM, ELBOW, joint("again", "bus", "arm"))),
         "'arm' closes a loop: joints 'elbow' and 'again'",

@@ -404,6 +404,10 @@ WRISTS = {
         joint("j_5", "l_4", "last", inside=slide(-1, 1, '<mimic joint="j_l_3"/>')),
     ),
     "a short last joint that turns to both sides": finger("last", "l_4", inside=slide(-0.9, 0.9)),
+    "a finger that curls": (
+        *finger("a", "l_4", "revolute", slide(0, 1.5), axis=(0, 1, 0)),
+        *finger("last", "a", "revolute", slide(0, 1.5), axis=(0, 1, 0)),
+    ),
     "a plunger along the last link": (
         link("last", 0.05, (0.03, 0, 0), 1e-5 * np.eye(3)),
         joint(

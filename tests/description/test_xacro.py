@@ -128,6 +128,15 @@ def test_meshes_of_packages(repository):
     assert sa.load(path).tree.visuals["arm"].visual[0].geometry.file == file
 
 
+def test_files_of_a_package_under_another_name_are_found_around_the_source(tmp_path):
+    include = source('<xacro:include filename="$(find abb_support)/urdf/parts.xacro"/>' + ARM)
+    path = write(tmp_path / "abb" / "urdf" / "robot.xacro", include)
+    with pytest.raises(sa.ModelError, match="package 'abb_support', which was not found; name"):
+        sa.load(path)
+    write(tmp_path / "abb" / "urdf" / "parts.xacro", PARTS)
+    assert sa.load(path).n == 1
+
+
 def test_a_missing_package_matters_only_where_it_is_read(tmp_path):
     controller = "<gazebo><parameters>$(find not_here)/config/a.yaml</parameters></gazebo>"
     path = write(tmp_path / "robot.xacro", source(ARM + controller))
@@ -395,11 +404,27 @@ def test_a_source_right_below_the_root_reads_its_own_folder_only():
     assert not packages.holds(Path("/etc/passwd"))
 
 
-def test_other_formats_in_xacro(tmp_path):
-    path = write(
-        tmp_path / "robot.sdf.xacro", f'<sdf {SPACE} version="1.7"><xacro:if value="0"/></sdf>'
+def test_an_sdf_in_xacro(tmp_path):
+    unit = "<inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia>"
+    inertial = f"<inertial><mass>{{}}</mass>{unit}</inertial>"
+    model = (
+        f'<sdf {SPACE} version="1.9"><xacro:property name="d" value="0.4"/><model name="m">'
+        f'<link name="bus">{inertial.format("${100*d}")}</link>'
+        f'<link name="a"><pose>${{d}} 0 0 0 0 0</pose>{inertial.format(2)}</link>'
+        '<joint name="j" type="revolute"><parent>bus</parent><child>a</child>'
+        "<axis><xyz>0 0 1</xyz></axis></joint></model></sdf>"
     )
-    with pytest.raises(sa.ModelError, match="its root element is <sdf>; a URDF starts with"):
+    arm = sa.load(write(tmp_path / "robot.sdf.xacro", model))
+    assert (arm.n, arm.mass) == (1, 42.0)
+    assert arm.model.jointPlacements[2].translation[0] == 0.4
+
+
+def test_other_formats_in_xacro(tmp_path):
+    path = write(tmp_path / "robot.xacro", f'<mujoco {SPACE}><xacro:if value="0"/></mujoco>')
+    with pytest.raises(sa.ModelError, match="is an MJCF in xacro; expand it first: xacro FILE"):
+        sa.load(path)
+    path = write(tmp_path / "robot.xacro", f"<test {SPACE}/>")
+    with pytest.raises(sa.ModelError, match="its root element is <test>; a URDF starts with"):
         sa.load(path)
 
 

@@ -54,18 +54,32 @@ def read(robot: RobotSource, reading: Reading | None = None) -> Tree:
 
 
 def _read(source: Source, root: etree._Element) -> Tree:
-    """Read a file by its root element; a xacro source by its name, too."""
-    if root.tag == "robot" or source.path.suffix == ".xacro":
+    """Read a file by its root element; a xacro source is expanded before."""
+    if in_xacro := _in_xacro(source, root):
+        from spacearm.description.readers.xacro import expanded  # slow to import
+
+        root = expanded(source, root)
+    if root.tag == "robot":
         return urdf.read(source, root)
-    if root.tag == "mujoco":
-        return mjcf.read(source, root)
     if root.tag == "sdf":
         return sdf.read(source, root)
+    if root.tag == "mujoco":
+        if in_xacro:
+            source.fail("is an MJCF in xacro", "expand it first: xacro FILE > robot.xml")
+        return mjcf.read(source, root)
     if root.tag == "mujocoinclude":
         source.fail("is a part of an MJCF", "load the file that includes it")
     source.fail(
         f"is no robot file that is known: its root element is <{root.tag!s}>",
         "a URDF starts with <robot>, an SDF with <sdf>, an MJCF with <mujoco>",
+    )
+
+
+def _in_xacro(source: Source, root: etree._Element) -> bool:
+    """Whether a file is a xacro source, by its name or an element in it."""
+    return source.path.suffix == ".xacro" or any(
+        element.prefix == "xacro" or "/xacro" in (etree.QName(element).namespace or "")
+        for element in root.iter(etree.Element)  # the namespace has had several addresses
     )
 
 

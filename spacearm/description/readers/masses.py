@@ -230,7 +230,7 @@ def of_density(source: Source, tree: Tree, density: float) -> dict[str, Inertial
     for link, inertial in tree.links.items():
         solids = tree.visuals.get(link, shapes.Visuals())
         if (inertial is None or inertial.mass == 0.0) and any(solids):
-            solid = _solid(solids.collision or solids.visual) or _solid(solids.visual)
+            solid = solid_inertia(solids.collision or solids.visual) or solid_inertia(solids.visual)
             if solid is None:
                 bare.append(link)
             else:
@@ -244,7 +244,7 @@ def of_density(source: Source, tree: Tree, density: float) -> dict[str, Inertial
     return found
 
 
-def _solid(solids: Sequence[shapes.Shape]) -> pin.Inertia | None:
+def solid_inertia(solids: Sequence[shapes.Shape]) -> pin.Inertia | None:
     """Return the inertia of solid shapes of density 1; None if no shape can be used."""
     parts: list[pin.Inertia] = []
     rest = list(solids)

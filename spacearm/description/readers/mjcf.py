@@ -67,7 +67,8 @@ def _compiled(source: Source) -> Tree:
         raise
     except (ValueError, OSError, RuntimeError, mujoco.FatalError) as error:
         why = " ".join(str(error).split())
-        source.fail(f"is not compiled by MuJoCo ({why})", "correct it there")
+        part = ", or load the file that includes this one" * ("unrecognized element" in why)
+        source.fail(f"is not compiled by MuJoCo ({why})", f"correct it there{part}")
 
 
 class _Reader:

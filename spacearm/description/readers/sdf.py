@@ -18,6 +18,7 @@ from lxml import etree
 from spacearm.arrays import LARGEST, LEAST_MASS, Array
 from spacearm.description.bodies import Inertial, Joint, Mimic
 from spacearm.description.readers.forest import Forest, turns, unprefixed
+from spacearm.description.readers.masses import solid_inertia
 from spacearm.description.readers.sdf_frames import WORLD, Contents, Scope, pose, relative_to, words
 from spacearm.description.readers.source import Source, describe, evaluate
 from spacearm.description.shapes import Mesh, Shape, primitive
@@ -35,9 +36,12 @@ AXES = {
     "prismatic": ("axis",),
     "universal": ("axis", "axis2"),
     "revolute2": ("axis", "axis2"),
+    "screw": ("axis",),
     "ball": (),
 }
 """Axes of each type of joint."""
+DENSITY = "1000"
+"""SDFormat's default of the density of collision shapes [kg/m^3]."""
 LENGTHS = {"size": "1 1 1", "radii": "1 1 1", "radius": "1", "length": "1"}
 """SDFormat's defaults; the radius of a capsule is 0.5."""
 MODEL_AXES = (1, 5)
@@ -69,14 +73,14 @@ class _Reader:
             self._version = tuple(map(int, root.get("version", "1.5").split(".")))
         except ValueError:
             source.fail(f"has version={root.get('version')!r}", "give one such as version='1.9'")
-        self._contents = Contents(source, root)
+        self._contents = Contents(source, root, self._version)
 
     def tree(self) -> Tree:
         """Return the tree of the robot."""
         forest, source = Forest(), self._source
         for name, scope, link in self._contents.links:
             shapes = source.shapes(link, partial(self._shapes, name, scope))
-            forest.add(name, inertial(source, link), shapes)
+            forest.add(name, self._inertial(name, scope, link), shapes)
         forest.add(WORLD)
         for name, scope, element in self._contents.joints:
             self._join(forest, name, scope, element)
@@ -144,6 +148,8 @@ class _Reader:
         else:
             row = [self._axis(name, scope, joint, tag) for tag in AXES[kind]]
             row[0] = replace(row[0], origin=origin)
+            if kind == "screw":
+                row.append(self._advance(row[0], joint))
         forest.join(parent, child, row, last)
 
     def _axis(self, name: str, scope: Scope, joint: etree._Element, tag: str) -> Joint:
@@ -179,6 +185,42 @@ class _Reader:
         ends = (lower, upper, largest(velocity), largest(effort))
         mimic = self._mimic(scope, axis)
         return Joint(full, kind, "", "", pin.SE3.Identity(), direction, *ends, mimic)
+
+    def _advance(self, turn: Joint, joint: etree._Element) -> Joint:
+        """Return the slide that the turn of a screw leads, by its pitch [m] a turn."""
+        pitch = vector(self._source, joint, "screw_thread_pitch", "1").item()
+        old = self._source.child(joint, "thread_pitch")
+        if old is not None and joint.find("screw_thread_pitch") is None:
+            ratio = vector(self._source, joint, "thread_pitch", "1").item()
+            pitch = -2.0 * math.pi / ratio if ratio else 0.0
+        mimic, here = Mimic(turn.name, pitch / (2.0 * math.pi), 0.0), pin.SE3.Identity()
+        return Joint(f"{turn.name}_slide", "prismatic", "", "", here, turn.axis, mimic=mimic)
+
+    def _inertial(self, name: str, scope: Scope, link: etree._Element) -> Inertial | None:
+        """Read the <inertial> of a link, or compute it from its collision shapes if it says so."""
+        source, element = self._source, self._source.child(link, "inertial")
+        if element is None or element.get("auto") not in ("true", "1"):
+            return inertial(source, link)
+        common, parts = words(element, "density") or DENSITY, list[pin.Inertia]()
+        for collision in link.findall("collision"):
+            density = vector(source, collision, "density", common).item()
+            shapes = source.safely(partial(self._shapes, name, scope), collision)
+            if (solid := solid_inertia(shapes)) is not None:
+                parts.append(Inertial.of_spatial(solid).with_mass(density * solid.mass).spatial())
+        if not parts:
+            source.warn(
+                f"link {name!r} has <inertial auto='true'> and no collision shape that can be "
+                "used: it has no mass; give it <mass> and <inertia>"
+            )
+            return None
+        whole = Inertial.of_spatial(sum(parts[1:], start=parts[0]))
+        if element.find("mass") is not None:
+            whole = whole.with_mass(vector(source, element, "mass", "1").item())
+        source.note(
+            f"link {name!r} has {whole.mass:.4g} kg by its collision shapes, as its "
+            "<inertial auto='true'> says"
+        )
+        return whole
 
     def _mimic(self, scope: Scope, axis: etree._Element) -> Mimic | None:
         """Read <mimic>: the joint is at multiplier * (its leader - reference) + offset."""
@@ -227,12 +269,6 @@ def inertial(source: Source, link: etree._Element) -> Inertial | None:
     if element is None:
         source.warn(f"link {name!r} has no <inertial>: 1 kg and 1 kg m^2, SDFormat's default")
         return Inertial(1.0, pin.SE3.Identity(), np.eye(3))
-    if element.get("auto") in ("true", "1"):
-        source.warn(
-            f"link {name!r} has <inertial auto='true'>, which is not computed here; load with "
-            "density= (SDFormat's default is 1000 kg/m^3)"
-        )
-        return None
     mass = vector(source, element, "mass", "1").item()
     if mass < 0.0 or 0.0 < mass < LEAST_MASS:
         source.fail(f"the <mass> of link {name!r} is {mass:g} kg", f"give at least {LEAST_MASS:g}")

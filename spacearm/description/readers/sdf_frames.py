@@ -20,6 +20,7 @@ import pinocchio as pin
 from lxml import etree
 
 from spacearm.description.readers.source import Source, describe
+from spacearm.description.tree import free_name
 from spacearm.errors import listed, unknown
 
 
@@ -52,12 +53,13 @@ class Contents:
         marks: Names and elements of the <frame>s.
     """
 
-    def __init__(self, source: Source, root: etree._Element) -> None:
-        self._source = source
+    def __init__(self, source: Source, root: etree._Element, version: tuple[int, ...]) -> None:
+        self._source, self._renames = source, version < ONE_NAME
         worlds, models = root.findall("world"), root.findall("model")
         if len(worlds) + len(models) != 1:
             what = f"{len(worlds)} <world> and {len(models)} <model>"
-            source.fail(f"has {what} below <sdf>", "keep one of them in a file")
+            more = "keep one of them in a file" if worlds or models else "it needs one"
+            source.fail(f"has {what} below <sdf>", more)
         self.name = source.path.stem
         self.frames = Frames(source)
         self.frames.add(WORLD, Frame(root, None, pin.SE3.Identity(), WORLD))
@@ -119,6 +121,8 @@ class Contents:
             to: The frame that it moves with; itself if empty.
         """
         name = scope.name(element.get("name", ""))
+        if name in self.frames.frames and self._renames and element.tag != "link":
+            name = free_name(f"{name}_{element.tag!s}", self.frames.frames.__contains__)
         at = scope.name(relative_to(element)) or at
         self.frames.add(name, Frame(element, at, pose(self._source, element), to or name))
         return name
@@ -148,6 +152,8 @@ def _canonical(model: etree._Element, scope: Scope) -> str:
 
 
 WORLD, MODEL = "world", "__model__"
+ONE_NAME = (1, 7)
+"""From this version on no joint or frame has the name of a link; before, it gets another one."""
 
 MOST_STEPS = 1000
 """Largest number of frames that lead one by one from a frame to the world, or to its link."""

@@ -142,9 +142,15 @@ ROBOTS = (".urdf", ".xacro", ".xml", ".sdf", ".world")
 """Suffixes of robot files."""
 LONGEST = 300
 """Characters of a name that a note shows."""
-MOST_PREFIXES = 20
-"""Largest number of namespace prefixes that are declared in place of the file."""
+MOST_MENDS = 40
+"""Largest number of times that a file is mended and parsed again."""
 UNDECLARED = re.compile(r"Namespace prefix ([\w.-]+) (on|for) .* is not defined")
+LENIENT = (
+    ("hyphen within comment", re.compile(rb"(?<=<!--).*?(?=-->)", re.DOTALL), b" "),
+    ("declaration allowed only", re.compile(rb"(?<!\A)<\?xml\s.*?\?>", re.DOTALL), b" "),
+    ("Failed to parse QName", re.compile(rb"(?<=:):(?=[\w.-]+[\s/>])"), b"_"),
+)
+"""Faults that the parsers of simulators let pass, where they are and what to write there."""
 VERSION = re.compile(rb"""\A(<\?xml\s+version\s*=\s*["'])[\d.]+""")
 """The version of XML that a file states, which some write as 0.0."""
 ROOT_TAG = re.compile(rb"(\s|<\?((?!\?>).)*\?>|<!--((?!-->).)*-->)*<[\w:.-]+", re.DOTALL)
@@ -193,23 +199,24 @@ class Source:
     def shapes(
         self, link: etree._Element, read: Callable[[etree._Element], Iterable[Shape]]
     ) -> Visuals:
-        """Read each <visual> and <collision> of a link.
-
-        No fault in them stops a robot from loading, since physics needs none of them: one with a
-        fault becomes an `Unusable`, which whoever needs the shape reports.
-        """
-
-        def safely(element: etree._Element) -> Iterable[Shape]:
-            try:
-                return read(element)
-            except ModelError as error:
-                return (Shape(pin.SE3.Identity(), Unusable(str(error))),)
-
+        """Read each <visual> and <collision> of a link, see `safely`."""
         visual, collision = (
-            tuple(shape for element in link.findall(tag) for shape in safely(element))
+            tuple(shape for element in link.findall(tag) for shape in self.safely(read, element))
             for tag in ("visual", "collision")
         )
         return Visuals(visual, collision)
+
+    def safely(
+        self, read: Callable[[etree._Element], Iterable[Shape]], element: etree._Element
+    ) -> tuple[Shape, ...]:
+        """Read a <visual> or <collision>; one with a fault becomes an `Unusable`.
+
+        No fault stops a robot from loading, since physics needs no shape: whoever does reports it.
+        """
+        try:
+            return tuple(read(element))
+        except ModelError as error:
+            return (Shape(pin.SE3.Identity(), Unusable(str(error))),)
 
     def fail_without_geometry(self, parent: etree._Element, known: str) -> NoReturn:
         """Say that a <visual> or <collision> has no geometry that is known."""
@@ -255,7 +262,7 @@ class Source:
         Namespaces need no declaration. Lines are those of the text, which may begin with blanks.
         """
         try:
-            root = xml(declared(text), bare=True)
+            root = xml(mended(text), bare=True)
         except etree.XMLSyntaxError as error:
             self.fail(f"is not XML ({error.msg})", "correct it there")
         if etree.ElementTree(root).docinfo.doctype:
@@ -353,24 +360,44 @@ def line_of(element: etree._Element) -> str:
     return element.get(WRITTEN) or f"line {element.sourceline}"
 
 
-def declared(text: bytes) -> bytes:
-    """Return XML 1.0 with all its namespace prefixes declared, without blanks before it."""
+def mended(text: bytes) -> bytes:
+    """Return XML 1.0 that a strict parser reads as those of simulators read the text.
+
+    Namespace prefixes are declared. Blanks before the declaration, hyphens in comments,
+    declarations further down and names such as a::b are mended; lines stay where they are.
+    """
     body = VERSION.sub(rb"\g<1>1.0", text.lstrip())
     if body.startswith(b"<?xml"):  # which must come first; the number of lines stays
         blank = text[: len(text) - len(text.lstrip())]
         text = body.replace(b"?>", b"?>" + b"\n" * blank.count(b"\n"), 1)
-    for _ in range(MOST_PREFIXES):
+    for _ in range(MOST_MENDS):
         try:
             xml(text)
         except etree.XMLSyntaxError as error:
-            undeclared, root = UNDECLARED.match(error.msg or ""), ROOT_TAG.match(text)
-            if undeclared is None or root is None:
+            better = _mended(text, error.msg or "")
+            if better == text:
                 break
-            prefix = undeclared[1].encode()
-            text = b'%b xmlns:%b="%b"%b' % (root[0], prefix, prefix, text[root.end() :])
+            text = better
         else:
             break
     return text
+
+
+def _mended(text: bytes, fault: str) -> bytes:
+    """Return XML without one fault; the same text where that is not known."""
+    undeclared, root = UNDECLARED.match(fault), ROOT_TAG.match(text)
+    if undeclared and root:
+        prefix = undeclared[1].encode()
+        return b'%b xmlns:%b="%b"%b' % (root[0], prefix, prefix, text[root.end() :])
+    for said, where, instead in LENIENT:
+        if said in fault:
+            return where.sub(partial(_filled, instead), text)
+    return text
+
+
+def _filled(filler: bytes, found: re.Match[bytes]) -> bytes:
+    """Return what was found, each character of its lines replaced by another one."""
+    return re.sub(rb"[^\n]", filler, found[0])
 
 
 T = TypeVar("T")

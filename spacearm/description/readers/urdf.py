@@ -35,12 +35,12 @@ MANY_TURNS = 30.0
 """Angle [rad] beyond which a limit looks like one in degrees."""
 
 
-def read(source: Source, written: etree._Element) -> Tree:
-    """Read a URDF; a xacro source is expanded.
+def read(source: Source, robot: etree._Element) -> Tree:
+    """Read a URDF.
 
     Args:
         source: The file, which takes the notes.
-        written: Its root element.
+        robot: Its root element, xacro expanded.
 
     Raises:
         ModelError: The file has a fault; the message names file, element, value and remedy.
@@ -48,7 +48,7 @@ def read(source: Source, written: etree._Element) -> Tree:
     Warns:
         ModelWarning: Something was assumed; each warning is a note too.
     """
-    robot, forest = _expanded(source, written), Forest()
+    forest = Forest()
     materials = {m.get("name"): m for m in robot.findall("material")}
     for name, link in source.named(robot, "link").items():
         shapes = source.shapes(link, partial(_shapes, source, materials))
@@ -79,24 +79,6 @@ def read(source: Source, written: etree._Element) -> Tree:
     name = robot.get("name") or source.path.name.partition(".")[0]
     tree = forest.robot(source, name, roots) if floats else forest.tree(name, roots[0])
     return replace(tree, tips=tips)
-
-
-def _expanded(source: Source, robot: etree._Element) -> etree._Element:
-    """Return the root element of a URDF, expanded from a xacro source."""
-    in_xacro = any(
-        element.prefix == "xacro" or "/xacro" in (etree.QName(element).namespace or "")
-        for element in robot.iter(etree.Element)  # the namespace has had several addresses
-    )
-    if source.path.suffix == ".xacro" or in_xacro:
-        from spacearm.description.readers.xacro import expanded  # slow to import
-
-        robot = expanded(source, robot)
-    if robot.tag != "robot":
-        source.fail(
-            f"is not a URDF: its root element is <{robot.tag!s}>",
-            "a URDF starts with <robot name='...'>, and only URDF may be in xacro here",
-        )
-    return robot
 
 
 def _cut_free(source: Source, forest: Forest) -> bool:

@@ -13,7 +13,7 @@ from lxml import etree
 
 from spacearm.description.readers import xacro_expansion
 from spacearm.description.readers.packages import Packages
-from spacearm.description.readers.source import WRITTEN, Source, apart, declared
+from spacearm.description.readers.source import WRITTEN, Source, apart, mended
 from spacearm.description.readers.xacro_expansion import Expansion, XacroError
 from spacearm.errors import ModelError, unknown
 from spacearm.files import read, xml
@@ -279,7 +279,7 @@ def _document(file: Path) -> etree._Element | None:
     if file.suffix in (".yaml", ".yml"):
         return None
     try:
-        return xml(declared(read(file)))
+        return xml(mended(read(file)))
     except (OSError, etree.XMLSyntaxError):
         return None
 

@@ -23,7 +23,7 @@ from xml.parsers.expat import ExpatError
 from lxml import etree
 
 from spacearm.description.readers.packages import Packages
-from spacearm.description.readers.source import WRITTEN, declared
+from spacearm.description.readers.source import WRITTEN, mended
 from spacearm.description.readers.xacro_expressions import (
     BOUNDED,
     LONGEST,
@@ -212,12 +212,13 @@ class Expansion:
         Raises:
             XacroError: There is no such file, or it lies elsewhere.
         """
-        if package := re.search(r"package://([^/]*)", filename):
-            raise MissingPackageError(
-                f"reads {filename[package.start() :]} of the package {package[1]!r}, which was "
-                "not found",
-                f"name the folder that holds {package[1]!r}: packages=[FOLDER]",
-            )
+        if package := re.search(r"package://([^/]*).*", filename):
+            if (around := self._packages.file(package[0])) is None:
+                raise MissingPackageError(
+                    f"reads {package[0]} of the package {package[1]!r}, which was not found",
+                    f"name the folder that holds {package[1]!r}: packages=[FOLDER]",
+                )
+            filename = str(around)
         file = Path(os.path.normpath(filename))
         self._evaluator.step(MACRO)
         if not file.exists():
@@ -247,7 +248,7 @@ class Expansion:
             raise self._xacro.XacroException(exc=error) from None
         if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
             raise XacroError(f"{file.name} declares a DOCTYPE", "remove it: it is not expanded")
-        content = declared(content)
+        content = mended(content)
         try:
             document = minidom.parseString(content)
         except ExpatError as error:
