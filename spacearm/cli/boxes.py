@@ -84,6 +84,7 @@ def cover_by_boxes(
         share: Share of the joint range to cover, up to 1.
         most: Largest number of cells to look at, those that are halved included.
         keep (NPZ): Write the ranges to this file; if it exists, resume from its contents.
+            spacearm plan --with search.boxes=FILE goes through them.
     """
     if (to is None) != (not q) or (way and to is None):
         raise sa.ConfigurationError("give joint values and --to for a way, --way to write it")

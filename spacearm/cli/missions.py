@@ -106,7 +106,7 @@ def find_catch(
             grapple,
             window=(early, late),
             constraints=constraints_of(asked.inner("constraints")),
-            search=search_of(asked.inner("search"), progress),
+            search=search_of(arm, asked.inner("search"), progress),
             **asked.some(*told),
         )
 

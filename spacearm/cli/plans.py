@@ -79,7 +79,7 @@ def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Ca
                     start,
                     target,
                     constraints=constraints,
-                    search=search_of(asked.inner("search"), progress),
+                    search=search_of(arm, asked.inner("search"), progress),
                     **_options(arm, asked),
                 )
             if fastest:
@@ -156,7 +156,8 @@ plan_motion = _command(
     """Plan a motion that leads the tip to a goal.
 
     Ctrl-C keeps the best attempt. --with gives all that sa.plan takes: start, goal, via,
-    final_attitude, final_twist, duration, mode, origin, constraints, search.
+    final_attitude, final_twist, duration, mode, origin, constraints, search. With search.boxes=FILE
+    it also goes through the boxes that spacearm boxes --keep FILE has written.
     """,
     "via",
     "mode",

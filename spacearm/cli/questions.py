@@ -14,6 +14,7 @@ import typer
 import spacearm as sa
 from spacearm.cli import options as opt
 from spacearm.errors import require_known
+from spacearm.model.arguments import FLOATING
 from spacearm.model.joints import warn_outside
 from spacearm.motion.controllers import LAWS, Controller
 from spacearm.motion.goal import Goal, goal_of
@@ -262,6 +263,12 @@ def target_of(path: Path) -> sa.Target:
     )
 
 
-def search_of(given: Table, progress: Callable[[float, float], object]) -> sa.Search:
-    """Return how to look, of a table with the fields of `Search`."""
-    return built(sa.Search, Table(given.where, given.values | {"progress": progress}))
+def search_of(
+    arm: sa.SpaceArm, given: Table, progress: Callable[[float, float], object]
+) -> sa.Search:
+    """Return how to look, of a table with the fields of `Search`; `boxes` is the path of a file."""
+    return built(
+        sa.Search,
+        Table(given.where, given.values | {"progress": progress}),
+        boxes=lambda _: sa.FreeBoxes.load(given.take("boxes", str), arm, FLOATING),
+    )

@@ -27,6 +27,8 @@ OPTIONS: dict[str, str | Callable[[re.Match[str]], str]] = {
     r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1/METRES",
     r"\bfixed=False": "no --fixed",
     r"\bdensity=(?!\w)": "--density RHO",
+    r"boxes=sa\.free_boxes\(arm\)(, or those of a file)?": "--with search.boxes=FILE, as spacearm "
+    "boxes --keep FILE has written it",
     r"\ball_branches=True\b": "no joint values",
     r"\bsa\.risk_profile\b": "spacearm risk",
     r"\bsa\.(workspace|plan|detumble|simulate|query|capture|mount)\b": r"spacearm \1",

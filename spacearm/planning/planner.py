@@ -55,8 +55,8 @@ def plan(
     momentum of the start; where its wheels are all zero, each its share of it.
 
     Methods, in the order in which "auto" tries them: "straight", a line of the tip by J*; "tree",
-    straight joint motions grown at random until one arrives, then shortened; "boxes", to joint
-    positions if the search has any, a way through boxes in which no posture is singular; "joint
+    straight joint motions grown at random until one arrives, then shortened; "boxes", if the
+    search has any, a way through boxes in which no posture is singular, then as "tree"; "joint
     space", the shortest joint curve that arrives; "roadmap", straight pieces by way of other
     postures, whose turns of the spacecraft add up; "cycles", a closed loop in joint space that
     turns the spacecraft, run through as often as it takes, then a curve to the goal; "attitude

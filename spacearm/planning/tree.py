@@ -8,9 +8,9 @@ are moved, left out and drawn together, and all variants are landed anew at once
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -49,6 +49,11 @@ INTERVALS, POINTS = 6, 13
 """Steps of the integration along a piece; points at which a piece is checked."""
 BOXES = "boxes"
 """Name of the method that goes through boxes."""
+WAYS, BY_WAY, TURNED = 24, 20, (0.3, 1.0, 3.0)
+"""Ways through boxes that are led to the goal at once, and how often, by way of other boxes; sizes
+of the turns to its attitudes [rad]."""
+ENTRIES = 32
+"""Nearest boxes to which a straight piece is tried."""
 TREES = 30
 """Rounds in which a tree grows, twice as many in each round of the search."""
 STILL = 1e-12
@@ -88,19 +93,65 @@ class Tree:
                 yield from self._landed(nodes)
             nodes = self._grow()
 
-    def through(self, boxes: FreeBoxes, q: Array) -> Iterator[Array]:
-        """Yield the corners (m, n) of the way through boxes to joint positions (n,).
+    def through(self, boxes: FreeBoxes) -> Iterator[Array]:
+        """Yield the corners (m, n) of ways through boxes that arrive.
+
+        The shortest ones come first, then those by way of random boxes, which turn the spacecraft
+        otherwise. From a start, or to an end, that is in no box a straight piece leads to one. To a
+        place of the tip the last piece is led as those of the tree are.
 
         Raises:
-            NoSolutionError: No boxes lead there.
+            NoSolutionError: No boxes lead to the goal.
         """
-        way = boxes.path(self.start.q, q)
-        if not np.allclose(way[-1], q, atol=STILL):
-            raise NoSolutionError("the boxes lead there by whole turns of a joint only")
-        way[-1] = q
-        for corners in (self._fewer(way), way):
-            if self._clear_way(corners):
+        q, why = self.target.q, "no boxes that are joined lead from the start to the goal"
+        ends = [q[None]] if q is not None else [self.finder.ends(w, ENDS)[1] for w in TURNED]
+        Q = np.concatenate(ends)
+        if (first := self._entry(boxes, self.start.q)) is None:
+            raise NoSolutionError(f"{why}: the start is far from all; cover more")
+        none: Array = np.empty((0, len(first)))
+        for k in range(BY_WAY):
+            self.account.check_time()
+            before, lead, here = none, self.start.q[None], first
+            if k:
+                middle = 0.5 * (boxes.lower + boxes.upper)
+                by = middle[self.rng.integers(len(middle), size=1)]
+                there = next((way for _, way in boxes.ways(first, by)), first[None])
+                before, lead, here = self._fewer(np.vstack((lead, there))), none, there[-1]
+            pairs = [(self._entry(boxes, end), end) for end in self.rng.permutation(Q)[:WAYS]]
+            entries = [(p, end) for p, end in pairs if p is not None]
+            ways = []
+            for i, way in boxes.ways(here, np.array([p for p, _ in entries])):
+                p, end = entries[i]
+                end = end + way[-1] - p  # whole turns away
+                if q is None or np.allclose(end, q, atol=STILL):
+                    way = np.vstack((lead, way, end if q is None else q))
+                    ways.append(np.vstack((before, self._fewer(way))))
+            for corners in self._led(ways):
+                why = "no way through the boxes keeps all constraints"
                 yield corners
+        raise NoSolutionError(why)
+
+    def _entry(self, boxes: FreeBoxes, q: Array) -> Array | None:
+        """Return the nearest point in a box to which the straight way from q (n,) is free."""
+        points = boxes.nearest(q, ENTRIES)
+        clear = self._room(np.stack((np.broadcast_to(q, points.shape), points), axis=1))
+        first = np.flatnonzero(clear > self.target.clearance)[:1]
+        return points[first[0]] if first.size else None
+
+    def _led(self, ways: list[Array]) -> Iterator[Array]:
+        """Yield ways (m, n) by fewer corners, led to the goal, the shortest first, shortened."""
+        if not ways:
+            return
+        size = max(3, *map(len, ways))
+        W = np.array([np.vstack((way[:1].repeat(size - len(way), axis=0), way)) for way in ways])
+        T = self.start.base.rotation @ self._turns(W[:, :-1])
+        last, near, room = self._arriving(W[:, -2:], T)
+        W[:, -1] = last[:, -1]
+        good = np.flatnonzero(near & (room > self.target.clearance))
+        for i in good[np.argsort(lengths(W[good]))]:
+            for corners in (self._shortened(W[i]), W[i]):
+                if self._clear_way(corners):
+                    yield corners
 
     def _fewer(self, way: Array) -> Array:
         """Return the corners of a way (m, n) that straight pieces cannot do without."""
@@ -230,7 +281,7 @@ class Tree:
         if self.collisions is None:
             return True
         T, way = self.start.base.rotation, []
-        for a, b in pairwise(W):
+        for a, b in itertools.pairwise(W):
             steps = math.ceil(float(np.abs(b - a).max()) / CLEAR) or 1
             points = a + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (b - a)
             turns = T @ self._turns(np.stack((np.broadcast_to(a, points.shape), points), axis=1))
@@ -253,6 +304,8 @@ class Tree:
         )  # leave a corner out, by having it stand on the one before
         many[some, out[some]] = many[some, out[some] - 1]
         many[:, 0] = W[0]
+        if self.target.q is not None:
+            many[:, -1] = W[-1]
         return np.clip(many, self.target.lower, self.target.upper)
 
     def _room(self, W: Array) -> Array:
@@ -278,21 +331,21 @@ def by_tree(problem: Problem) -> Rows:
 
 
 def by_boxes(problem: Problem) -> Rows:
-    """Go through boxes to joint positions, by as few corners as do.
+    """Go through boxes to joint positions or a place of the tip, and shorten the way.
 
     Raises:
         NoSolutionError: No boxes lead to the goal.
         ConfigurationError: The boxes are those of another arm.
     """
     boxes, arm = problem.request.search.boxes, problem.start.arm
-    if boxes is None or problem.target.q is None:
-        raise NoSolutionError("boxes lead to joint positions; give sa.Joints as the goal")
+    if boxes is None:
+        raise NoSolutionError("there are no boxes; give boxes=sa.free_boxes(arm)")
     if digest_of_set(boxes.arm, boxes.mode) != digest_of_set(arm, FLOATING):
         raise ConfigurationError(
             f"boxes are those of {boxes.arm.name}, {boxes.mode}, not of this floating {arm.name}; "
-            "give sa.free_boxes(arm)"
+            "give boxes=sa.free_boxes(arm)"
         )
-    return _first(problem, _tree(problem).through(boxes, problem.target.q))
+    return _first(problem, _tree(problem).through(boxes))
 
 
 def _tree(problem: Problem) -> Tree:
@@ -324,7 +377,7 @@ def _landed(problem: Problem, corners: Array) -> Rows:
         NoSolutionError: It cannot be made exact.
     """
     for _ in range(NEWTON_STEPS):
-        pieces = [straight_rows(a, b)[1:] for a, b in pairwise(corners)]
+        pieces = [straight_rows(a, b)[1:] for a, b in itertools.pairwise(corners)]
         rows = problem.walk(problem.start, np.vstack((corners[:1], *pieces)))
         left = problem.target.missed(problem.start, rows[-1])
         if np.linalg.norm(left) <= ARRIVED:

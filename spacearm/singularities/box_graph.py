@@ -9,7 +9,7 @@ singular configuration, and needs no further proof.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from io import BytesIO
 from itertools import pairwise
@@ -107,20 +107,14 @@ class FreeBoxes(Result):
         return float(self.volumes.sum())
 
     @cached_property
-    def _joined(self) -> tuple[Integers, Array]:
-        """(e, 2) boxes that share a part of a face, and (e, n) by what turns the second is away."""
-        return _neighbours(self.cells, self.endless)
-
-    @cached_property
     def _graph(self) -> sp.csr_matrix:
-        """The distances between the centres of boxes that are joined."""
-        pairs, turns = self._joined
+        """The distances between the centres of boxes that share a part of a face."""
+        one, other = _neighbours(self.cells, self.endless).T
         middle = 0.5 * (self.lower + self.upper)
-        way = (middle[pairs[:, 1]] + turns - middle[pairs[:, 0]]) / joint_scales(self.arm)
+        way = (middle[other] + self._turns(one, other) - middle[one]) / joint_scales(self.arm)
         size = np.linalg.norm(way, axis=1)
-        graph = sp.coo_matrix((size, (pairs[:, 0], pairs[:, 1])), (len(middle), len(middle)))
-        both = graph.tocsr()
-        return both.maximum(both.T)
+        graph = sp.coo_matrix((size, (one, other)), (len(middle), len(middle))).tocsr()
+        return graph.maximum(graph.T)
 
     @cached_property
     def parts(self) -> Integers:
@@ -156,28 +150,59 @@ class FreeBoxes(Result):
             NoSolutionError: An end is in no box, or they are in two parts. That is no proof that
                 there is no way.
         """
+        ends = [joint_vector(self.arm, q, name) for q, name in ((q0, "q0"), (q1, "q1"))]
+        for at in ends:
+            self._box_of(at)
+        for _, way in self.ways(ends[0], ends[1][None]):
+            return way
+        raise NoSolutionError(
+            f"{self.arm.name}: the boxes of q0 and q1 are in two connected parts; cover more, "
+            "or there may be no way"
+        )
+
+    def ways(self, q0: Array, Q: Array) -> Iterator[tuple[int, Array]]:
+        """Yield ways as `path` from one configuration (n,) to others (m, n), the shortest first.
+
+        Those that are in no box, or in another part than q0, are left out.
+
+        Yields:
+            The number of the other configuration, and the way.
+
+        Raises:
+            NoSolutionError: q0 is in no box.
+        """
         from scipy.sparse.csgraph import dijkstra  # slow to import
 
-        ends = [joint_vector(self.arm, q, name) for q, name in ((q0, "q0"), (q1, "q1"))]
-        (first, start), (last, end) = (self._box_of(q) for q in ends)
-        if self.parts[first] != self.parts[last]:
-            raise NoSolutionError(
-                f"{self.arm.name}: the boxes of q0 and q1 are in two connected parts; cover more, "
-                "or there may be no way"
-            )
-        _, before = dijkstra(
+        first, start = self._box_of(q0)
+        held = ((i, self._held(q)) for i, q in enumerate(Q))
+        ends = [(i, *found) for i, found in held if found is not None]
+        far, before = dijkstra(
             self._graph, directed=False, indices=np.array(first), return_predecessors=True
         )
-        chain = [last]
-        while chain[-1] != first:
-            chain.append(int(before[chain[-1]]))
-        return self._through(chain[::-1], ends[0], start, end)
+        for i, last, end in sorted(ends, key=lambda one: float(far[one[1]])):
+            if np.isinf(far[last]):
+                return
+            chain = [last]
+            while chain[-1] != first:
+                chain.append(int(before[chain[-1]]))
+            yield i, self._through(chain[::-1], q0, start, end)
+
+    def nearest(self, q: Array, most: int) -> Array:
+        """Return the points (m, n) in boxes that are nearest to q (n,), of as many boxes at most.
+
+        Distances count in units of `joint_scales`.
+        """
+        at = self._in_range(q)
+        gap = np.maximum(np.maximum(self.lower - at, at - self.upper), 0.0)
+        far = np.linalg.norm(gap / joint_scales(self.arm), axis=1)
+        some = np.argsort(far, kind="stable")[:most]
+        return np.clip(at, self.lower[some], self.upper[some]) + (q - at)
 
     def _through(self, chain: list[int], q0: Array, start: Array, end: Array) -> Array:
         """Return the way through boxes that are joined, from q0, which is at `start` in its box."""
         rows, offset, here = [q0], q0 - start, start
-        for one, other in pairwise(chain):
-            turns = self._turn(one, other)
+        links = np.array([*pairwise(chain)], dtype=np.int64).reshape(-1, 2)
+        for (one, other), turns in zip(links, self._turns(*links.T), strict=True):
             low = np.maximum(self.lower[one], self.lower[other] + turns)
             high = np.minimum(self.upper[one], self.upper[other] + turns)
             here = np.clip(here, low, np.maximum(low, high))
@@ -187,26 +212,37 @@ class FreeBoxes(Result):
             here, offset = here - turns, offset + turns
         return np.array([*rows, end + offset])
 
-    def _turn(self, one: int, other: int) -> Array:
-        """Return by what turns the second of two boxes that are joined is away, (n,)."""
-        pairs, turns = self._joined
-        there = np.flatnonzero((pairs == (one, other)).all(axis=1))
-        if there.size:
-            return turns[there[-1]]
-        return -turns[np.flatnonzero((pairs == (other, one)).all(axis=1))[-1]]
+    def _turns(self, one: Integers, other: Integers) -> Array:
+        """Return by what turns (e, n) the others of boxes that are joined are away."""
+        turns = np.zeros((len(one), self.arm.n))
+        for j in self.endless:
+            ways = np.array([[0.0], [TURN], [-TURN]])
+            low = np.maximum(self.lower[one, j], self.lower[other, j] + ways)
+            high = np.minimum(self.upper[one, j], self.upper[other, j] + ways)
+            turns[:, j] = ways[(high - low).argmax(axis=0), 0]
+        return turns
 
     def _box_of(self, q: Array) -> tuple[int, Array]:
         """Return the number of the box that holds a configuration, and where it is in the range."""
-        at = q.copy()
-        for j in self.endless:
-            at[j] = self.cells.low[0, j] + (q[j] - self.cells.low[0, j]) % TURN
-        inside = ((self.lower <= at) & (at <= self.upper)).all(axis=1)
-        if not inside.any():
+        if (found := self._held(q)) is None:
             raise NoSolutionError(
                 f"{self.arm.name}: {self.arm.in_words(q)} is in no box; it is near a singular "
                 "posture or outside the range that is covered"
             )
-        return int(np.argmax(inside)), at
+        return found
+
+    def _held(self, q: Array) -> tuple[int, Array] | None:
+        """Return the same, None if no box holds it."""
+        at = self._in_range(q)
+        inside = ((self.lower <= at) & (at <= self.upper)).all(axis=1)
+        return (int(np.argmax(inside)), at) if inside.any() else None
+
+    def _in_range(self, q: Array) -> Array:
+        """Return a configuration (n,) with its endless joints turned to where they are covered."""
+        at = q.copy()
+        for j in self.endless:
+            at[j] = self.cells.low[0, j] + (q[j] - self.cells.low[0, j]) % TURN
+        return at
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the cells to a NumPy archive; `load` reads it, `free_boxes` goes on with it.
@@ -255,7 +291,7 @@ class FreeBoxes(Result):
         if bodies != digest_of_set(arm, mode):
             raise StoreError(
                 f"{path} has the boxes of another {arm.name}: its masses, lengths, tips or "
-                "task differ; call free_boxes for this one"
+                "task differ; cover this one anew"
             )
         return cls(arm, mode, cells, endless)
 
@@ -423,44 +459,49 @@ def _with_room(cells: Cells, more: int) -> Cells:
     return Cells(*(np.concatenate(pair) for pair in zip(cells, room, strict=True)))
 
 
-def _neighbours(cells: Cells, endless: tuple[int, ...]) -> tuple[Integers, Array]:
+def _neighbours(cells: Cells, endless: tuple[int, ...]) -> Integers:
     """Find the pairs (e, 2) of boxes that share a part of a face, by their numbers among boxes.
 
     Pairs of cells that touch are followed down the tree; across the ends of whole turns too.
-
-    Returns:
-        The pairs, and (e, n) by how much the second box is turned.
     """
-    n = cells.low.shape[1]
-    wide = cells.high[0] > cells.low[0]
-    turns = np.zeros((1 + len(endless), n))
+    child, holds = cells.child, _holding_boxes(cells)
+    wide = np.flatnonzero((cells.low[1:] != cells.low[0]).any(axis=0))  # the others are not halved
+    low, high = cells.low[:, wide], cells.high[:, wide]
+    size = (high - low).sum(axis=1)
+    turns = np.zeros((1 + len(endless), cells.low.shape[1]))
     turns[1 + np.arange(len(endless)), list(endless)] = TURN
+    turned = np.arange(len(turns)) > 0
+    turns = turns[:, wide]
     a, b = np.zeros((2, len(turns)), dtype=np.int64)
-    found, ways = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, n))]
+    turn, found = np.arange(len(turns)), [np.empty((0, 2), dtype=np.int64)]
     while len(a):
-        leaf = cells.free[a] & cells.free[b] & ((a != b) | turns.any(axis=1))
+        across = turned[turn]
+        leaf = cells.free[a] & cells.free[b] & ((a != b) | across)
         found.append(np.stack((a[leaf], b[leaf]), axis=1))
-        ways.append(turns[leaf])
-        inner_a, inner_b = cells.child[a] >= 0, cells.child[b] >= 0
-        alike = (a == b) & ~turns.any(axis=1)
-        pairs = []
+        inner_a, inner_b = child[a] >= 0, child[b] >= 0
+        alike = (a == b) & ~across
         both = np.flatnonzero(alike & inner_a)
-        c = cells.child[a[both]]
-        pairs += [(c, c, both), (c + 1, c + 1, both), (c, c + 1, both)]
-        larger = (cells.high[a] - cells.low[a]).sum(axis=1) >= (cells.high[b] - cells.low[b]).sum(
-            axis=1
-        )
-        halve_a = ~alike & inner_a & (larger | ~inner_b) & (inner_b | cells.free[b])
-        halve_b = ~alike & inner_b & ~halve_a & (inner_a | cells.free[a])
-        for s in (0, 1):
-            i, k = np.flatnonzero(halve_a), np.flatnonzero(halve_b)
-            pairs += [(cells.child[a[i]] + s, b[i], i), (a[k], cells.child[b[k]] + s, k)]
-        new_a, new_b, rows = (np.concatenate(part) for part in zip(*pairs, strict=True))
-        turned = turns[rows]
-        low = np.maximum(cells.low[new_a], cells.low[new_b] + turned)
-        high = np.minimum(cells.high[new_a], cells.high[new_b] + turned)
-        overlap = (high - low)[:, wide]
+        halve_a = ~alike & inner_a & (~inner_b | (size[a] >= size[b]))
+        i, k = np.flatnonzero(halve_a), np.flatnonzero(~alike & inner_b & ~halve_a)
+        c, d, e = child[a[both]], child[a[i]], child[b[k]]
+        new_a = np.concatenate((c, c + 1, c, d, d + 1, a[k], a[k]))
+        new_b = np.concatenate((c, c + 1, c + 1, b[i], b[i], e, e + 1))
+        new_turn = turn[np.concatenate((both, both, both, i, i, k, k))]
+        kept = holds[new_a] & holds[new_b]
+        new_a, new_b, new_turn = new_a[kept], new_b[kept], new_turn[kept]
+        overlap = np.minimum(high[new_a], high[new_b] + turns[new_turn])
+        overlap -= np.maximum(low[new_a], low[new_b] + turns[new_turn])
         touching = (overlap > -TOUCHING).all(axis=1) & ((overlap <= TOUCHING).sum(axis=1) <= 1)
-        a, b, turns = new_a[touching], new_b[touching], turned[touching]
+        a, b, turn = new_a[touching], new_b[touching], new_turn[touching]
     number = np.cumsum(cells.free) - 1
-    return number[np.concatenate(found)], np.concatenate(ways)
+    return number[np.concatenate(found)]
+
+
+def _holding_boxes(cells: Cells) -> npt.NDArray[np.bool_]:
+    """Tell which cells are boxes or hold some."""
+    holds = cells.free.copy()
+    inner = np.flatnonzero(cells.child >= 0)
+    first, before = cells.child[inner], -1
+    while before != (before := int(holds.sum())):
+        holds[inner] = holds[first] | holds[first + 1]
+    return holds

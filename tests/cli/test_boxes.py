@@ -64,6 +64,13 @@ def test_a_way_through_boxes_is_proven_by_path_and_a_run_goes_on_from_its_file(t
     arm = sa.load("planar2")
     kept = sa.FreeBoxes.load(tmp_path / "boxes.npz", arm, "free-floating")
     assert json.loads(more.stdout)["covered_share"] == kept.share > 0.98
+    words = ("planar2", 0.3, 1.2, "--goal", 0.9, 1.4, "--with", "search.method=boxes")
+    plan = spacearm("plan", *words, "--with", "search.boxes=boxes.npz", "--json", cwd=tmp_path)
+    assert json.loads(plan.stdout)["method"] == "boxes"
+    without = spacearm("plan", *words)
+    assert "--with search.boxes=FILE, as spacearm boxes --keep FILE" in " ".join(
+        without.stderr.split()
+    )
     other = spacearm("boxes", "mda6", "--keep", "boxes.npz", cwd=tmp_path)
     assert other.returncode == 2
     assert "has the boxes of planar2" in other.stderr

@@ -2,8 +2,13 @@
 
 import numpy as np
 import pytest
+from helpers.arms import chosen
 
 import spacearm as sa
+from spacearm.mechanics.floating import walk
+from spacearm.planning.problem import Problem
+from spacearm.planning.request import PlanRequest
+from spacearm.planning.tree import Tree
 
 
 @pytest.fixture(scope="module")
@@ -29,10 +34,39 @@ def test_boxes_lead_to_joint_positions_that_a_straight_motion_does_not(boxes):
         done += 1
 
 
-def test_boxes_lead_to_joint_positions_alone(boxes):
-    search = sa.Search(method="boxes", boxes=boxes, timeout=0.5)
-    with pytest.raises(sa.NoSolutionError, match="boxes lead to joint positions"):
-        sa.plan(boxes.arm.at([0.3, 1.2]), (0.9, 1.4), search=search)
+def test_boxes_lead_to_points_from_starts_beside_them():
+    """A goal is where the tip comes by a random way on one side, so that there is a plan."""
+    arm, rng = sa.load("planar2"), chosen(3)
+    boxes, beside = sa.free_boxes(arm, share=0.7), 0
+    search = sa.Search(method="boxes", boxes=boxes)
+    while beside < 2:
+        way = rng.uniform(-2.5, 2.5, 2) + np.linspace(0.0, 1.0, 40)[:, None] * rng.normal(size=2)
+        at = sa.evaluate(arm, way, ["distance"])
+        if np.abs(way).max() > 3.0 or at["distance"].min() < 0.05:
+            continue
+        if ((boxes.lower <= way[0]) & (way[0] <= boxes.upper)).all(axis=1).any():
+            continue
+        beside += 1
+        start = arm.at(way[0])
+        goal = walk(start, way)[-1].tip
+        plan = sa.plan(start, goal, search=search)
+        assert (plan.method, plan.certificate.free) == ("boxes", True)
+        np.testing.assert_allclose(plan[-1].tip.translation[:2], goal.translation[:2], atol=1e-6)
+
+
+def test_a_shortened_motion_ends_at_the_joint_positions_asked_for():
+    """Variants of a motion to joint positions move every corner but its ends."""
+    arm = sa.load("planar2")
+    start, q = arm.at([0.3, 1.2]), np.array([1.1, 0.8])
+    asked = PlanRequest.of(
+        start, sa.Joints(q), "spacecraft", sa.Constraints(), sa.Search(), (), None, None
+    )
+    problem = Problem.of(asked)
+    tree = Tree(problem.guesses(start, problem.target), problem.collisions)
+    variants = tree._variants(np.array([start.q, [0.5, 1.6], q]))
+    assert (variants[:, 0] == start.q).all()
+    assert (variants[:, -1] == q).all()
+    assert np.ptp(variants[:, 1], axis=0).min() > 0.0
 
 
 def test_boxes_of_another_arm_and_no_boxes_are_refused(boxes):

@@ -85,8 +85,7 @@ def paced(found: Plan, rates: Array) -> Plan:
 def _in_rounds(methods: Collection[str], method: str, account: SearchAccount) -> Iterator[str]:
     """Yield the methods in order; again and again those that begin with random guesses."""
     yield from methods if method == "auto" else (method,)
-    once = ("straight", BOXES)
-    again = [name for name in methods if name not in once and method in ("auto", name)]
+    again = [name for name in methods if name != "straight" and method in ("auto", name)]
     while again:
         account.rounds += 1
         yield from again
