@@ -12,6 +12,7 @@ import generated  # noqa: E402
 import links  # noqa: E402
 import parameters  # noqa: E402
 import recorded  # noqa: E402
+import stories  # noqa: E402
 
 import examples  # noqa: E402
 
@@ -66,8 +67,10 @@ def setup(app):
     generated.write(HERE)
     examples.write(HERE)
     recorded.write(HERE)
+    stories.write(HERE)
     app.extensions["sphinx-mathjax-offline"].parallel_read_safe = True  # it adds files alone
     copy_lessons()
+    app.connect("source-read", stories.answered)
     app.connect("autodoc-process-docstring", escape_bars)
     app.connect("autodoc-skip-member", skip_fields)
     app.connect("doctree-read", parameters.tabulate)
