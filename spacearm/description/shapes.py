@@ -243,6 +243,8 @@ def faces(points: Array) -> Array:
     return found
 
 
+FEWEST = 100
+"""Number of triangles that a mesh keeps at least, if it has them."""
 FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb")
 LARGEST_MESH = 10**8
 """Largest size of a mesh file [bytes]."""
@@ -368,3 +370,20 @@ def _plain(collada: bytes) -> tuple[bytes, float]:
     if not 0.0 < metre <= LARGEST:
         raise ValueError(f"its unit is {metre:g} m; give a positive length")
     return etree.tostring(root), metre
+
+
+def coarsened(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
+    """Return a mesh without detail below the size of a cell, in the unit of its vertices.
+
+    Vertices of one cell become one; so do triangles that then have the same corners. A mesh that
+    little would be left of stays as it is.
+    """
+    coarse: trimesh.Trimesh = mesh.copy()
+    coarse.vertices = coarse.vertices / cell
+    coarse.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=0)
+    coarse.update_faces(coarse.nondegenerate_faces() & coarse.unique_faces())
+    coarse.remove_unreferenced_vertices()
+    if len(coarse.faces) < FEWEST:
+        return mesh
+    coarse.vertices = coarse.vertices * cell
+    return coarse

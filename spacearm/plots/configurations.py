@@ -13,7 +13,7 @@ from spacearm.closure.holding import Held
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.plots.hulls import bare, draw_bodies, draw_target, stand_ins
+from spacearm.plots.bodies import bare, draw_bodies, draw_target, stand_ins
 from spacearm.plots.style import (
     BLUE,
     COLOURS,

@@ -14,12 +14,13 @@ from spacearm.arrays import Array, finite, shape_of
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.separation import CollisionReport
 from spacearm.collisions.solids import corners
+from spacearm.description.shapes import faces
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
+from spacearm.plots.bodies import draw_solids, placed, stand_ins
 from spacearm.plots.configurations import draw_posture
-from spacearm.plots.hulls import draw_hulls, placed, stand_ins
 from spacearm.plots.style import (
     BLUE,
     COLOURS,
@@ -248,15 +249,15 @@ def draw_obstacles(
     for obstacle in obstacles:
         for t in times if obstacle.moves else times[-1:]:
             last = t == times[-1]
-            hulls = _hulls_of(obstacle, float(t), along)
+            solids = _solids_of(obstacle, float(t), along)
             opacity = OPACITY if last else 0.3 * OPACITY
-            draw_hulls(axes, hulls, rows, opacity, obstacle.name if last else None)
+            draw_solids(axes, solids, rows, opacity, obstacle.name if last else None)
 
 
-def _hulls_of(obstacle: Obstacle, t: float, along: Array) -> list[tuple[Array, str]]:
-    """Return the points of each part of an obstacle at a time, along axes, and its colour."""
+def _solids_of(obstacle: Obstacle, t: float, along: Array) -> list[tuple[Array, str]]:
+    """Return the triangles of each part of an obstacle at a time, along axes, and its colour."""
     placing = zip(obstacle.parts, obstacle.poses(t), strict=True)
-    return [(placed(corners(part.solid), pose) @ along, GREY) for part, pose in placing]
+    return [(placed(faces(corners(part.solid)), pose) @ along, GREY) for part, pose in placing]
 
 
 @draws(Target, Obstacle)
@@ -272,7 +273,7 @@ def draw_alone(thing: Target | Obstacle, ax: Any) -> Any:
     """
     axes = axes_for(ax, 6.4, 5.6, spatial=True)
     obstacle = Obstacle.of_target(thing) if isinstance(thing, Target) else thing
-    draw_hulls(axes, _hulls_of(obstacle, 0.0, np.eye(3)), (0, 1, 2), 1.0)
+    draw_solids(axes, _solids_of(obstacle, 0.0, np.eye(3)), (0, 1, 2), 1.0)
     equal_axes(axes)
     entitle(axes, f"{obstacle.name} at 0 s")
     return axes

@@ -11,8 +11,8 @@ from matplotlib.colors import SymLogNorm
 from spacearm.arrays import Array
 from spacearm.mechanics.dynamics import Capture, Dynamics
 from spacearm.mechanics.jacobian import MomentumMatrix, PrescribedMotion
+from spacearm.plots.bodies import stand_ins
 from spacearm.plots.configurations import draw_posture, in_plane
-from spacearm.plots.hulls import stand_ins
 from spacearm.plots.style import (
     BLUE,
     GREEN,

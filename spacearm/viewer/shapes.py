@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import meshcat
 import meshcat.geometry as g
@@ -15,17 +15,21 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.description.bus import solid_box
-from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere, Unusable, read_mesh
+from spacearm.description.shapes import (
+    Box,
+    Cylinder,
+    Mesh,
+    Shape,
+    Sphere,
+    Unusable,
+    coarsened,
+    read_mesh,
+)
 from spacearm.errors import ModelError, listed, warn
 from spacearm.model.arm import Configuration, SpaceArm
 
-if TYPE_CHECKING:
-    import trimesh
-
 FINEST = 0.002
 """Size of detail that is still drawn, as a share of the arm: about a pixel of a page."""
-FEWEST = 100
-"""Number of triangles that a mesh keeps at least, if it has them."""
 GHOST, STEEL, VIOLET = 0x7D8794, 0x3A7CA5, 0x6A3D9A
 GREY = (0.75, 0.78, 0.82, 1.0)
 SCALE = np.array([[0xD5, 0x5E, 0x00], [0xF0, 0xE4, 0x42], [0x00, 0x72, 0xB2]]) / 255.0
@@ -96,23 +100,6 @@ def _drawn(arm: SpaceArm, link: str, shape: Shape) -> DrawnShape | None:
         case Unusable(problem):
             warn(f"{problem}; not drawn until then")
             return None
-
-
-def coarsened(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
-    """Return a mesh without detail below the size of a cell, in the unit of its vertices.
-
-    Vertices of one cell become one; so do triangles that then have the same corners. A mesh that
-    little would be left of stays as it is.
-    """
-    coarse: trimesh.Trimesh = mesh.copy()
-    coarse.vertices = coarse.vertices / cell
-    coarse.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=0)
-    coarse.update_faces(coarse.nondegenerate_faces() & coarse.unique_faces())
-    coarse.remove_unreferenced_vertices()
-    if len(coarse.faces) < FEWEST:
-        return mesh
-    coarse.vertices = coarse.vertices * cell
-    return coarse
 
 
 def _plain_body(arm: SpaceArm, leader: str, lump: list[str]) -> list[DrawnShape]:

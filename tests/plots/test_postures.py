@@ -3,14 +3,15 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 import spacearm as sa
 from spacearm.description.bus import solid_box
 from spacearm.description.shapes import Box, Shape
+from spacearm.plots.bodies import MOST_TRIANGLES, solids, tinted
 from spacearm.plots.configurations import SECONDS, draw_posture, draw_velocities
-from spacearm.plots.hulls import tinted
 from spacearm.plots.style import GREEN
 
 TURNED = pin.SE3(pin.utils.rotate("z", 0.7), np.array([1.0, -2.0, 0.0]))
@@ -76,7 +77,7 @@ def test_all_bodies_of_a_planar_arm_are_drawn_as_their_visuals_at_their_size(axe
     arm = sa.load(name)
     cfg = arm.at(np.full(arm.n, 0.4), base=TURNED)
     draw_posture(axes, cfg)
-    drawn = sorted(extents(patch.get_xy()) for patch in axes.patches)
+    drawn = sorted(extents(patch.get_path().vertices) for patch in axes.patches)
     wanted = sorted(extents(points[:, :2]) for points in placed_visuals(cfg))
     np.testing.assert_allclose(drawn, wanted, atol=1e-6)
 
@@ -132,13 +133,62 @@ def test_meshes_of_few_or_flat_triangles_are_drawn(tmp_path):
         assert len(figure.axes[0].collections[0].get_facecolor()) > 3
 
 
+FORK = [((0.0, 0.0), (0.2, 0.6)), ((0.2, 0.0), (0.6, 0.2)), ((0.2, 0.4), (0.6, 0.6))]
+"""Rectangles in the plane: a base and two tines, with nothing between these."""
+
+
+@pytest.fixture
+def fork(tmp_path):
+    """Return an arm in a plane whose links are forks 0.1 m thick, a mesh each."""
+    parts = [
+        trimesh.creation.box(bounds=[(*low, -0.05), (*high, 0.05)]).subdivide().subdivide()
+        for low, high in FORK
+    ]
+    trimesh.util.concatenate(parts).export(tmp_path / "fork.stl")
+    mesh = '<visual><geometry><mesh filename="fork.stl" scale="1 -1 1"/></geometry></visual>'
+    described(tmp_path, mesh)
+    path = tmp_path / "drawn.urdf"
+    path.write_text(path.read_text().replace('"0 1 0"', '"0 0 1"'))
+    return sa.load(path, tip="hand", task="x y")
+
+
+def test_what_is_between_the_tines_of_a_mesh_is_not_drawn(fork, axes):
+    cfg = fork.at([0.3, 0.4])
+    draw_posture(axes, cfg)
+    model, data = fork.model, pin.Data(fork.model)
+    pin.framesForwardKinematics(model, data, cfg.full)
+    for link, patch in zip(("hull", "boom", "hand"), axes.patches, strict=True):
+        pose = data.oMf[model.getFrameId(link)]
+        for x, y, drawn in ((0.1, -0.3, True), (0.4, -0.5, True), (0.4, -0.3, False)):
+            assert patch.get_path().contains_point(pose.act(np.array([x, y, 0.0]))[:2]) == drawn
+    triangles = np.concatenate([solid.triangles for solid in solids(fork) if solid.link == "hand"])
+    centres = triangles.mean(axis=1)
+    inside = (centres[:, 0] > 0.21) & (centres[:, 1] < -0.21) & (centres[:, 1] > -0.39)
+    assert len(triangles) > 100
+    assert not inside.any()
+    outward = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    volume = np.einsum("ij,ij->i", triangles[:, 0], outward).sum() / 6.0
+    assert volume == pytest.approx(0.1 * (0.2 * 0.6 + 2 * 0.4 * 0.2), rel=1e-6)
+
+
+def test_a_fine_mesh_is_drawn_without_its_smallest_details(tmp_path):
+    trimesh.creation.icosphere(subdivisions=5, radius=0.3).export(tmp_path / "ball.stl")
+    arm = described(tmp_path, '<visual><geometry><mesh filename="ball.stl"/></geometry></visual>')
+    for solid in solids(arm):
+        assert 100 <= len(solid.triangles) <= MOST_TRIANGLES
+        radii = np.linalg.norm(solid.triangles, axis=2)
+        np.testing.assert_allclose(radii, 0.3, rtol=0.1, atol=0.0)
+
+
 def test_a_body_that_the_tip_has_grasped_is_drawn_where_it_is(axes):
     arm = sa.load("planar2").grasp(6.0, np.eye(3), com=(1.0, 0.0, 0.0))
     cfg = arm.at([0.3, 0.4], base=TURNED)
     draw_posture(axes, cfg)
     edge = np.sqrt(6.0 * 1.0 / 6.0)  # a cube of 6 kg with 1 kg m^2 about each axis
     held = next(p for p in axes.patches if to_rgb(p.get_facecolor()) == tinted(GREEN))
-    corners = cfg.tip.rotation.T[:2, :2] @ (held.get_xy() - cfg.tip.act(np.eye(3)[0])[:2]).T
+    corners = (
+        cfg.tip.rotation.T[:2, :2] @ (held.get_path().vertices - cfg.tip.act(np.eye(3)[0])[:2]).T
+    )
     np.testing.assert_allclose(np.abs(corners), 0.5 * edge, atol=1e-6)
 
 

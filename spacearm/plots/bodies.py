@@ -1,54 +1,60 @@
-"""Bodies in plots: the convex hulls of their visuals at their size, in space or in a plane."""
+"""Bodies in plots: their visuals at their size, as triangles in space, as shadows in a plane."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
-from matplotlib.patches import Polygon
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from scipy.spatial import ConvexHull
 
 from spacearm.arrays import Array
 from spacearm.description.bus import solid_box
-from spacearm.description.shapes import Box, Shape, faces
+from spacearm.description.shapes import Box, Mesh, Shape, coarsened, faces, read_mesh
 from spacearm.errors import ModelError, warn
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.model.frames import evenly_spread
 from spacearm.plots.style import GREEN, PURPLE
 
 GOLD = "#d9b25f"
 """Colour of the spacecraft."""
 TINT = 0.55
 """Share of white in the colour of a body."""
-MOST_CORNERS = 200
-"""Corners that are drawn of a body: the outermost ones in as many directions."""
+MOST_TRIANGLES = 800
+"""Triangles of a mesh beyond which it is drawn without its smallest details."""
+CELLS = (64, 45, 32, 23, 16, 11, 8)
+"""How many times as large as these details it is, in turn until it has no more triangles."""
+EDGE_ON = 1e-6
+"""Sine of the angle up to which a triangle is seen from its edge."""
 FINEST = 1.0 / 12.0
 """Longest edge of a drawn triangle, as a share of all: smaller ones are sorted by depth rightly."""
 
 
 class Solid(NamedTuple):
-    """A convex body that is drawn of a link.
+    """A body that is drawn of a link.
 
     Attributes:
         link: Name of the link.
-        corners: (m, 3) points whose convex hull it is, in the link frame [m].
+        triangles: (m, 3, 3) corners of its triangles, counterclockwise from outside, link frame
+            [m].
         color: Its colour; None for that of the arm.
     """
 
     link: str
-    corners: Array
+    triangles: Array
     color: str | None
 
 
 @lru_cache(maxsize=8)
 def solids(arm: SpaceArm) -> tuple[Solid, ...]:
-    """Return what is drawn of an arm: the hulls of its visuals.
+    """Return what is drawn of an arm: its visuals.
 
     A spacecraft without visuals is drawn as the box that has its inertia; links without, not.
 
@@ -57,16 +63,16 @@ def solids(arm: SpaceArm) -> tuple[Solid, ...]:
     """
     spacecraft = arm.tree.lumps[arm.tree.root]
     found = [
-        Solid(link, corners, GOLD if link in spacecraft else GREEN if drawn.stands_in else None)
+        Solid(link, triangles, GOLD if link in spacecraft else GREEN if drawn.stands_in else None)
         for link, drawn in arm.tree.visuals.items()
         for shape in drawn.visual
-        if len(corners := _outermost(_points(shape)))
+        if len(triangles := _triangles(shape))
     ]
     if not any(solid.link in spacecraft for solid in found):
         inertia = arm.model.inertias[1]
         axes, edges = solid_box(inertia.mass, inertia.inertia)
         box = Shape(pin.SE3(axes, inertia.lever), Box(tuple(edges.tolist())))
-        found.insert(0, Solid(arm.tree.root, box.points(), GOLD))
+        found.insert(0, Solid(arm.tree.root, _triangles(box), GOLD))
     return tuple(found)
 
 
@@ -109,12 +115,12 @@ def draw_bodies(
     parts = []
     for solid in solids(cfg.arm):
         pose = data.oMf[model.getFrameId(solid.link, pin.BODY)]
-        parts.append((placed(solid.corners, pose), tinted(solid.color or color)))
-    draw_hulls(axes, parts, rows, alpha)
+        parts.append((placed(solid.triangles, pose), tinted(solid.color or color)))
+    draw_solids(axes, parts, rows, alpha)
 
 
 def draw_target(axes: Any, target: Target, rows: tuple[int, ...]) -> None:
-    """Draw the hulls of a target where it is at time 0; without visuals the box of its inertia.
+    """Draw the visuals of a target where it is at time 0; without any the box of its inertia.
 
     Args:
         axes: Matplotlib axes.
@@ -124,49 +130,47 @@ def draw_target(axes: Any, target: Target, rows: tuple[int, ...]) -> None:
     tree, parts = target.tree, list[Array]()
     for link, drawn in tree.visuals.items():
         for shape in drawn.visual:
-            if len(corners := _outermost(_points(shape))):
-                parts.append(placed(corners, tree.frames[link]))
+            if len(triangles := _triangles(shape)):
+                parts.append(placed(triangles, tree.frames[link]))
     if not parts:
         turned, edges = solid_box(target.mass, target.inertia)
-        parts = [Shape(pin.SE3(turned, target.com), Box(tuple(edges.tolist()))).points()]
-    draw_hulls(axes, [(placed(part, target.pose), tinted(PURPLE)) for part in parts], rows, 1.0)
+        parts.append(_triangles(Shape(pin.SE3(turned, target.com), Box(tuple(edges.tolist())))))
+    draw_solids(axes, [(placed(part, target.pose), tinted(PURPLE)) for part in parts], rows, 1.0)
 
 
-def draw_hulls(
+def draw_solids(
     axes: Any,
     parts: Sequence[tuple[Array, Any]],
     rows: tuple[int, ...],
     alpha: float,
     label: str | None = None,
 ) -> None:
-    """Draw convex hulls of points, in space or as their shadows in a plane.
+    """Draw triangles, in space or as their shadows in a plane.
 
     Args:
         axes: Matplotlib axes.
-        parts: Points (m, 3) in the axes of the picture [m], and a colour, of each hull.
+        parts: Triangles (m, 3, 3) in the axes of the picture [m], and a colour, of each body.
         rows: Which of these axes are drawn.
         alpha: Opacity.
         label: Their name in the legend.
     """
     if len(rows) == 2:
         away = next(i for i in range(3) if i not in rows)
-        for points, color in sorted(parts, key=lambda part: float(part[0][:, away].mean())):
-            flat = points[:, rows]
-            edge = flat[ConvexHull(flat, qhull_options="QJ").vertices]
-            axes.add_patch(Polygon(edge, fc=color, ec="black", lw=0.6, alpha=alpha, label=label))
+        for triangles, color in sorted(parts, key=lambda part: float(part[0][..., away].mean())):
+            _draw_shadow(axes, triangles, rows, color, alpha, label)
             label = None
         return
     if not parts:
         return
-    everything = np.vstack([points for points, _ in parts])
+    everything = np.concatenate([triangles for triangles, _ in parts]).reshape(-1, 3)
     solid = alpha == 1.0  # edges close the gaps between triangles, and would be seen through others
     longest = FINEST * float(np.ptp(everything, axis=0).max()) if solid else np.inf
-    triangles = [_divided(faces(points), longest) for points, _ in parts]
-    colors = np.repeat([to_rgb(color) for _, color in parts], list(map(len, triangles)), axis=0)
+    fine = [_divided(triangles, longest) for triangles, _ in parts]
+    colors = np.repeat([to_rgb(color) for _, color in parts], list(map(len, fine)), axis=0)
     axes.auto_scale_xyz(*everything.T, had_data=axes.has_data())
     axes.add_collection3d(
         Poly3DCollection(
-            np.concatenate(triangles),
+            np.concatenate(fine),
             facecolors=colors,
             edgecolors=colors if solid else None,
             linewidths=0.4 if solid else 0.0,
@@ -179,8 +183,34 @@ def draw_hulls(
     )
 
 
+def _draw_shadow(
+    axes: Any, triangles: Array, rows: tuple[int, ...], color: Any, alpha: float, label: str | None
+) -> None:
+    """Draw the shadow of triangles (m, 3, 3), and the edges between what is lit and what is not.
+
+    A path whose parts all turn one way is filled as one, without seams.
+    """
+    flat = triangles[..., rows]
+    over, across = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
+    area = over[:, 0] * across[:, 1] - over[:, 1] * across[:, 0]
+    seen = area > EDGE_ON * np.abs(area).max()
+    turned = np.where((area < 0.0)[:, None, None], flat[:, ::-1], flat)
+    closed = np.concatenate((turned, turned[:, :1]), axis=1).reshape(-1, 2)
+    codes = np.tile([Outline.MOVETO, Outline.LINETO, Outline.LINETO, Outline.CLOSEPOLY], len(flat))
+    axes.add_patch(PathPatch(Outline(closed, codes), fc=color, lw=0.0, alpha=alpha, label=label))
+    segments = flat[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 2)
+    _, corners = np.unique(triangles.reshape(-1, 3).round(9), axis=0, return_inverse=True)
+    ends = np.sort(corners.reshape(-1, 3)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    _, first, edge = np.unique(ends, axis=0, return_index=True, return_inverse=True)
+    sides = np.zeros((len(first), 2))
+    np.add.at(sides, (edge.ravel(), np.repeat(seen, 3).astype(int)), 1.0)
+    outer = (sides.min(axis=1) > 0.0) | (sides.sum(axis=1) == 1.0)
+    lines = LineCollection(segments[first[outer]], colors="black", linewidths=0.6, alpha=alpha)
+    axes.add_collection(lines)
+
+
 def placed(points: Array, pose: pin.SE3) -> Array:
-    """Return points (m, 3) of a frame in the frame of its pose."""
+    """Return points (..., 3) of a frame in the frame of its pose."""
     return points @ pose.rotation.T + pose.translation
 
 
@@ -204,18 +234,23 @@ def _divided(triangles: Array, longest: float) -> Array:
     return np.concatenate(done)
 
 
-def _outermost(points: Array) -> Array:
-    """Return the corners (m, 3) of points that stand out in any of many directions."""
-    if len(points) <= MOST_CORNERS:
-        return np.resize(points, (max(len(points), 4), 3)) if len(points) else points
-    directions = np.vstack((evenly_spread(MOST_CORNERS - 6), np.eye(3), -np.eye(3)))
-    return points[np.unique(np.argmax(points @ directions.T, axis=0))]
-
-
-def _points(shape: Shape) -> Array:
-    """Return the points of a shape; none, and a warning, where its mesh cannot be read."""
+def _triangles(shape: Shape) -> Array:
+    """Return the triangles (m, 3, 3) of a shape; none, and a warning, if its mesh is unreadable."""
     try:
-        return shape.points()
+        match shape.geometry:
+            case Mesh(_, Path() as file, scale):
+                mesh = read_mesh(file)
+                mesh.vertices = np.asarray(mesh.vertices) * scale
+                if np.prod(scale) < 0.0:
+                    mesh.invert()
+                size, coarse = float(np.ptp(mesh.bounds, axis=0).max()), mesh
+                for cells in CELLS:
+                    if len(coarse.faces) > MOST_TRIANGLES:
+                        coarse = coarsened(mesh, size / cells)
+                return placed(np.array(coarse.triangles), shape.pose)
+            case _:
+                points = shape.points()
+                return faces(points) if len(points) else np.zeros((0, 3, 3))
     except ModelError as error:
         warn(f"{error}: not drawn")
-        return np.zeros((0, 3))
+        return np.zeros((0, 3, 3))
