@@ -39,6 +39,12 @@ def solid_box(mass: float, inertia: Array) -> tuple[Array, Array]:
     return axes, np.sqrt(np.maximum(squares, 1e-6 * squares.max()))
 
 
+def stand_in(inertia: pin.Inertia) -> Shape:
+    """Return the solid box that has an inertia, in its frame."""
+    axes, edges = solid_box(inertia.mass, inertia.inertia)
+    return Shape(pin.SE3(axes, inertia.lever), Box(tuple(edges.tolist())))
+
+
 def body(name: str, rigid: Inertial, edges: Array | None, rgba: tuple[float, ...]) -> Tree:
     """Make a rigid body a tree of one link, drawn as a box; a point mass is not drawn.
 
@@ -54,9 +60,7 @@ def body(name: str, rigid: Inertial, edges: Array | None, rgba: tuple[float, ...
         box = Shape(pin.SE3(np.eye(3), rigid.origin.translation), Box(tuple(edges.tolist())), rgba)
         visuals[name] = Visuals((box,), (box,))
     elif not rigid.point:
-        axes, lengths = solid_box(rigid.mass, rigid.inertia)
-        pose = pin.SE3(axes, rigid.origin.translation)
-        box = Shape(pose, Box(tuple(lengths.tolist())), rgba)
+        box = stand_in(rigid.spatial())._replace(rgba=rgba)
         visuals[name] = Visuals((box,), stands_in=True)
     return Tree(name, name, {name: rigid}, {}, visuals)
 

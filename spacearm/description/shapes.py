@@ -17,7 +17,7 @@ import pinocchio as pin
 from lxml import etree
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.errors import ModelError
+from spacearm.errors import ModelError, warn
 from spacearm.files import read
 
 if TYPE_CHECKING:
@@ -164,6 +164,31 @@ class Shape(NamedTuple):
                 local = np.zeros((0, 3))
         return local @ self.pose.rotation.T + self.pose.translation
 
+    def triangles(self) -> Array:
+        """Return the triangles (m, 3, 3) that are drawn of the shape, link frame [m].
+
+        They turn counterclockwise, seen from outside. Meshes of many are without small details.
+
+        Warns:
+            ModelWarning: The mesh file cannot be read; there are none.
+        """
+        try:
+            if not isinstance(self.geometry, Mesh) or self.geometry.file is None:
+                points = self.points()
+                return faces(points) if len(points) else np.zeros((0, 3, 3))
+            mesh = read_mesh(self.geometry.file)
+        except ModelError as error:
+            warn(f"{error}: not drawn")
+            return np.zeros((0, 3, 3))
+        mesh.vertices = np.asarray(mesh.vertices) * self.geometry.scale
+        if np.prod(self.geometry.scale) < 0.0:
+            mesh.invert()
+        size, coarse = float(np.ptp(mesh.bounds, axis=0).max()), mesh
+        for cells in CELLS:
+            if len(coarse.faces) > MANY_TRIANGLES:
+                coarse = coarsened(mesh, size / cells)
+        return np.array(coarse.triangles) @ self.pose.rotation.T + self.pose.translation
+
 
 class Visuals(NamedTuple):
     """The shapes of one link.
@@ -243,6 +268,10 @@ def faces(points: Array) -> Array:
     return found
 
 
+MANY_TRIANGLES = 800
+"""Triangles of a mesh beyond which it is drawn without its smallest details."""
+CELLS = (64, 45, 32, 23, 16, 11, 8)
+"""How many times as large as these details it is, in turn until it has no more triangles."""
 FEWEST = 100
 """Number of triangles that a mesh keeps at least, if it has them."""
 FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb")

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, named, plain, positive, read_only
 from spacearm.description.bodies import Inertial
-from spacearm.description.bus import Bus
+from spacearm.description.bus import Bus, stand_in
 from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
 from spacearm.description.tree import Tree
@@ -124,6 +124,19 @@ class Target(Described):
             orbit=rate,
             name=name or tree.name,
         )
+
+    @cached_property
+    def drawn(self) -> tuple[Array, ...]:
+        """Triangles (m, 3, 3) of its visuals, else of what collides, else of a box, target axes."""
+        tree = self.tree
+        found = [
+            shape.triangles() @ frame.rotation.T + frame.translation
+            for link, shapes in tree.visuals.items()
+            for frame in (tree.frames[link],)
+            for shape in shapes.visual or shapes.collision
+        ]
+        some = tuple(part for part in found if len(part))
+        return some or (stand_in(tree.bodies[tree.root].spatial()).triangles(),)
 
     @cached_property
     def tree(self) -> Tree:

@@ -13,7 +13,6 @@ from spacearm.closure.holding import Held
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.plots.bodies import bare, draw_bodies, draw_target, stand_ins
 from spacearm.plots.style import (
     BLUE,
     COLOURS,
@@ -31,6 +30,7 @@ from spacearm.plots.style import (
     equal_axes,
     flat_rows,
 )
+from spacearm.plots.triangles import bare, draw_bodies, draw_target, stand_ins
 from spacearm.singularities.nearest import NearestSingular
 from spacearm.singularities.report import singularity
 from spacearm.uncertainty.intervals import UncertainArm

@@ -19,7 +19,6 @@ from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
-from spacearm.plots.bodies import draw_solids, placed, stand_ins
 from spacearm.plots.configurations import draw_posture
 from spacearm.plots.style import (
     BLUE,
@@ -36,6 +35,7 @@ from spacearm.plots.style import (
     headline,
     panels_for,
 )
+from spacearm.plots.triangles import draw_solids, draw_target, placed, stand_ins
 from spacearm.plots.workspaces import draw_ring
 from spacearm.results import short_names
 from spacearm.workspaces.path_dependent import Workspace
@@ -267,15 +267,14 @@ def draw_alone(thing: Target | Obstacle, ax: Any) -> Any:
     Args:
         thing: The target or the obstacle.
         ax: Three-dimensional Matplotlib axes to draw into; None for a new figure.
-
-    Raises:
-        ModelError: The target has no shape.
     """
     axes = axes_for(ax, 6.4, 5.6, spatial=True)
-    obstacle = Obstacle.of_target(thing) if isinstance(thing, Target) else thing
-    draw_solids(axes, _solids_of(obstacle, 0.0, np.eye(3)), (0, 1, 2), 1.0)
+    if isinstance(thing, Target):
+        draw_target(axes, thing, (0, 1, 2))
+    else:
+        draw_solids(axes, _solids_of(thing, 0.0, np.eye(3)), (0, 1, 2), 1.0)
     equal_axes(axes)
-    entitle(axes, f"{obstacle.name} at 0 s")
+    entitle(axes, f"{thing.name} at 0 s")
     return axes
 
 

@@ -11,7 +11,6 @@ from matplotlib.colors import SymLogNorm
 from spacearm.arrays import Array
 from spacearm.mechanics.dynamics import Capture, Dynamics
 from spacearm.mechanics.jacobian import MomentumMatrix, PrescribedMotion
-from spacearm.plots.bodies import stand_ins
 from spacearm.plots.configurations import draw_posture, in_plane
 from spacearm.plots.style import (
     BLUE,
@@ -24,6 +23,7 @@ from spacearm.plots.style import (
     headline,
     panels_for,
 )
+from spacearm.plots.triangles import stand_ins
 from spacearm.results import short_names
 from spacearm.singularities.report import IN_WORDS, SingularityReport
 from spacearm.singularities.rounding import ErrorBars

@@ -153,10 +153,7 @@ class ObstacleLayer:
         for obstacle in obstacles:
             nodes = [node[str(next(number))] for _ in obstacle.parts]
             for part, pose, drawn in zip(obstacle.parts, obstacle.poses(0.0), nodes, strict=True):
-                triangles = faces(corners(part.solid))
-                numbers = np.arange(3 * len(triangles)).reshape(-1, 3)  # corners of their own: flat
-                mesh = g.TriangularMeshGeometry(triangles.reshape(-1, 3), numbers)
-                drawn.set_object(mesh, g.MeshPhongMaterial(color=SLATE, opacity=0.6))
+                draw_triangles(drawn, faces(corners(part.solid)))
                 drawn.set_transform(pose.homogeneous)
             if obstacle.moves:
                 self._moving.append((obstacle, nodes))
@@ -166,6 +163,13 @@ class ObstacleLayer:
         for obstacle, nodes in self._moving:
             for pose, node in zip(obstacle.poses(t), nodes, strict=True):
                 node.set_transform(pose.homogeneous)
+
+
+def draw_triangles(node: meshcat.Visualizer, triangles: Array) -> None:
+    """Draw triangles (m, 3, 3) as a node, each flat."""
+    numbers = np.arange(3 * len(triangles)).reshape(-1, 3)  # corners of their own
+    mesh = g.TriangularMeshGeometry(triangles.reshape(-1, 3), numbers)
+    node.set_object(mesh, g.MeshPhongMaterial(color=SLATE, opacity=0.6))
 
 
 class TargetLayer:
@@ -187,7 +191,7 @@ class TargetLayer:
         places = {**catch.target.grapples}
         places["stand-off"] = places[catch.grapple] * frame.actInv(catch.plan[-1].tip)
         self._held = catch.chase[-1].tip.actInv(catch.target.at(catch.t).pose)
-        ObstacleLayer(node["body"], [Obstacle.of_target(catch.target.replace(pose=HERE))])
+        draw_triangles(node["body"], np.concatenate(catch.target.drawn))
         for number, (name, pose) in enumerate(places.items()):
             color = OLIVE if name == "stand-off" else TEAL
             draw_axes(node["frames"][str(number)], 0.4 * size, color)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.description.bus import solid_box
+from spacearm.description.bus import stand_in
 from spacearm.description.shapes import (
     Box,
     Cylinder,
@@ -107,9 +107,8 @@ def _plain_body(arm: SpaceArm, leader: str, lump: list[str]) -> list[DrawnShape]
     frame = arm.model.frames[arm.model.getFrameId(leader, pin.BODY)]
     inertia = arm.model.inertias[frame.parentJoint]
     if leader == arm.tree.root:
-        axes, edges = solid_box(inertia.mass, inertia.inertia)
-        pose = pin.SE3(axes, inertia.lever).homogeneous
-        return [DrawnShape(leader, pose, g.Box(list(edges)), GREY)]
+        box = _drawn(arm, leader, stand_in(inertia))
+        return [] if box is None else [box]
     size = _size(arm)
     poses = {
         link: arm.model.frames[arm.model.getFrameId(link, pin.BODY)].placement for link in lump

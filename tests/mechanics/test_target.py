@@ -207,6 +207,18 @@ def test_a_target_of_several_links_is_one_body_with_its_marks_as_grapples(tmp_pa
     )
     assert list(target.grapples) == ["ring"]
     assert [part.link for part in sa.Obstacle.of_target(target).parts] == ["tank", "panel"]
+    ends = [np.ptp(part.reshape(-1, 3), axis=0) for part in target.drawn]
+    np.testing.assert_allclose(ends[0], (0.8, 0.8, 1.2), rtol=0.01, atol=0.0)
+    np.testing.assert_allclose(ends[1], (1.0, 1.0, 0.02), rtol=1e-9, atol=0.0)
+    np.testing.assert_allclose(target.drawn[1].mean(axis=(0, 1)), (1.0, 0.0, 0.0), atol=1e-9)
+
+
+def test_a_target_without_shapes_is_drawn_as_the_box_of_its_inertia():
+    bus = sa.Bus(60.0, inertia=np.diag([5.0, 25.0, 25.0 + 1e-9]), com=(0.0, 0.0, 0.3))
+    (box,) = sa.Target(bus).drawn  # edges a, b, c: I_xx = m (b^2 + c^2) / 12 and so on
+    ends = np.sort(np.ptp(box.reshape(-1, 3), axis=0))
+    np.testing.assert_allclose(ends, np.sqrt([0.5, 0.5, 4.5]), rtol=1e-6, atol=0.0)
+    np.testing.assert_allclose(box.reshape(-1, 3).mean(axis=0)[2], 0.3, rtol=0.0, atol=1e-9)
 
 
 def test_a_motion_meets_a_target_on_its_way_and_not_one_far_off():

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 
 import spacearm as sa
 from spacearm.description.bus import solid_box
-from spacearm.description.shapes import Box, Shape
-from spacearm.plots.bodies import MOST_TRIANGLES, solids, tinted
+from spacearm.description.shapes import MANY_TRIANGLES, Box, Shape
 from spacearm.plots.configurations import SECONDS, draw_posture, draw_velocities
 from spacearm.plots.style import GREEN
+from spacearm.plots.triangles import solids, tinted
 
 TURNED = pin.SE3(pin.utils.rotate("z", 0.7), np.array([1.0, -2.0, 0.0]))
 
@@ -175,7 +175,7 @@ def test_a_fine_mesh_is_drawn_without_its_smallest_details(tmp_path):
     trimesh.creation.icosphere(subdivisions=5, radius=0.3).export(tmp_path / "ball.stl")
     arm = described(tmp_path, '<visual><geometry><mesh filename="ball.stl"/></geometry></visual>')
     for solid in solids(arm):
-        assert 100 <= len(solid.triangles) <= MOST_TRIANGLES
+        assert 100 <= len(solid.triangles) <= MANY_TRIANGLES
         radii = np.linalg.norm(solid.triangles, axis=2)
         np.testing.assert_allclose(radii, 0.3, rtol=0.1, atol=0.0)
 

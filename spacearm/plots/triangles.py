@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,9 +15,7 @@ from matplotlib.path import Path as Outline
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
-from spacearm.description.bus import solid_box
-from spacearm.description.shapes import Box, Mesh, Shape, coarsened, faces, read_mesh
-from spacearm.errors import ModelError, warn
+from spacearm.description.bus import stand_in
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.plots.style import GREEN, PURPLE
@@ -27,10 +24,6 @@ GOLD = "#d9b25f"
 """Colour of the spacecraft."""
 TINT = 0.55
 """Share of white in the colour of a body."""
-MOST_TRIANGLES = 800
-"""Triangles of a mesh beyond which it is drawn without its smallest details."""
-CELLS = (64, 45, 32, 23, 16, 11, 8)
-"""How many times as large as these details it is, in turn until it has no more triangles."""
 EDGE_ON = 1e-6
 """Sine of the angle up to which a triangle is seen from its edge."""
 FINEST = 1.0 / 12.0
@@ -66,13 +59,11 @@ def solids(arm: SpaceArm) -> tuple[Solid, ...]:
         Solid(link, triangles, GOLD if link in spacecraft else GREEN if drawn.stands_in else None)
         for link, drawn in arm.tree.visuals.items()
         for shape in drawn.visual
-        if len(triangles := _triangles(shape))
+        if len(triangles := shape.triangles())
     ]
     if not any(solid.link in spacecraft for solid in found):
-        inertia = arm.model.inertias[1]
-        axes, edges = solid_box(inertia.mass, inertia.inertia)
-        box = Shape(pin.SE3(axes, inertia.lever), Box(tuple(edges.tolist())))
-        found.insert(0, Solid(arm.tree.root, _triangles(box), GOLD))
+        box = stand_in(arm.model.inertias[1])
+        found.insert(0, Solid(arm.tree.root, box.triangles(), GOLD))
     return tuple(found)
 
 
@@ -127,15 +118,8 @@ def draw_target(axes: Any, target: Target, rows: tuple[int, ...]) -> None:
         target: The target.
         rows: Which of x, y, z are drawn.
     """
-    tree, parts = target.tree, list[Array]()
-    for link, drawn in tree.visuals.items():
-        for shape in drawn.visual:
-            if len(triangles := _triangles(shape)):
-                parts.append(placed(triangles, tree.frames[link]))
-    if not parts:
-        turned, edges = solid_box(target.mass, target.inertia)
-        parts.append(_triangles(Shape(pin.SE3(turned, target.com), Box(tuple(edges.tolist())))))
-    draw_solids(axes, [(placed(part, target.pose), tinted(PURPLE)) for part in parts], rows, 1.0)
+    parts = [(placed(part, target.pose), tinted(PURPLE)) for part in target.drawn]
+    draw_solids(axes, parts, rows, 1.0)
 
 
 def draw_solids(
@@ -232,25 +216,3 @@ def _divided(triangles: Array, longest: float) -> Array:
         middle = 0.5 * (a + b)
         triangles = np.concatenate((np.stack((a, middle, c), 1), np.stack((middle, b, c), 1)))
     return np.concatenate(done)
-
-
-def _triangles(shape: Shape) -> Array:
-    """Return the triangles (m, 3, 3) of a shape; none, and a warning, if its mesh is unreadable."""
-    try:
-        match shape.geometry:
-            case Mesh(_, Path() as file, scale):
-                mesh = read_mesh(file)
-                mesh.vertices = np.asarray(mesh.vertices) * scale
-                if np.prod(scale) < 0.0:
-                    mesh.invert()
-                size, coarse = float(np.ptp(mesh.bounds, axis=0).max()), mesh
-                for cells in CELLS:
-                    if len(coarse.faces) > MOST_TRIANGLES:
-                        coarse = coarsened(mesh, size / cells)
-                return placed(np.array(coarse.triangles), shape.pose)
-            case _:
-                points = shape.points()
-                return faces(points) if len(points) else np.zeros((0, 3, 3))
-    except ModelError as error:
-        warn(f"{error}: not drawn")
-        return np.zeros((0, 3, 3))
