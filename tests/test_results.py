@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 from helpers.arms import planar_pair
 from helpers.catching import caught, flown
+from helpers.closed import roomy
 from helpers.sweeps import STUDY
 
 import spacearm as sa
@@ -92,6 +93,11 @@ def flight():
     return sa.simulate_phases(arm().at([0.1, 0.2]), phases)
 
 
+def led_target():
+    target, far = roomy(tries=1)
+    return target.follow([target.target.pose * sa.pose((0.2 * far, 0, 0))], limits=False)
+
+
 def identified():
     holding = arm().grasp(2.0, 0.1 * np.eye(3)).at([0.3, 1.2])
     law, coarse = sa.JointPD([0.9, 0.4], kp=5.0, kd=9.0), sa.Integration(dt=0.1)
@@ -120,6 +126,7 @@ RESULTS = {
     "ErrorBars": lambda: sa.error_bars(configuration()),
     "Event": lambda: sa.Event(1.0, "target", np.zeros(2), "error 0.001"),
     "Followed": lambda: sa.follow(arm().at([0.3, 1.2]), [(1.5, 1.2)]),
+    "FollowedTarget": led_target,
     "FeasibleAttitudes": lambda: sa.feasible_attitudes(
         arm().at([0, 1]), [(1.5, 0.2), (1.5, 0.5)], all_branches=True, samples=16
     ),

@@ -62,7 +62,7 @@ def closed_motions(cfg: Configuration, target: Target | None, mode: BaseMode) ->
     rows = replace(task, tips=1).jacobian(np.eye(6), R)
     back = np.linalg.pinv(rows)
     centre = cfg.base.translation if target is None else target.pose.translation
-    G = task.jacobian(np.vstack([_carried(tip.translation - centre) for tip in cfg.tips]), R) @ back
+    G = task.jacobian(np.vstack([carried(tip.translation - centre) for tip in cfg.tips]), R) @ back
     if target is None:
         G, B = -G, A[:0, 6:]
     else:
@@ -82,7 +82,7 @@ def closed_motions(cfg: Configuration, target: Target | None, mode: BaseMode) ->
     return ClosedMotions(rows, G, Z, T, spacecraft)
 
 
-def _carried(lever: Array) -> Array:
+def carried(lever: Array) -> Array:
     """Return the twist (6, 6) of a point that a body carries, by that of the body's origin."""
     return np.block([[np.eye(3), -pin.skew(lever)], [np.zeros((3, 3)), np.eye(3)]])
 
@@ -91,6 +91,6 @@ def _momentum(target: Target, about: Array) -> Array:
     """Return the momentum (6, 6) of a target about a point, by the twist of its frame."""
     R = target.pose.rotation
     lever = R @ target.com
-    linear = target.mass * _carried(lever)[:3]
+    linear = target.mass * carried(lever)[:3]
     angular = np.hstack((np.zeros((3, 3)), R @ target.inertia @ R.T))
     return np.vstack((linear, angular + pin.skew(target.pose.translation + lever - about) @ linear))

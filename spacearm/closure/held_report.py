@@ -182,14 +182,14 @@ def held_report(
     closed = closed_motions(cfg, target, mode)
     mode = "fixed" if target is None else mode
     arm, unit, Z, T = cfg.arm, joint_scales(cfg.arm), closed.motions, closed.held
-    near = _distances(cfg, closed, mode)
+    near = closed_distances(cfg, closed, mode)
     deficit = int(np.count_nonzero(near.distances <= tolerance))
     U, sigma, VT = np.linalg.svd(T)
     kind: HeldKind = "regular"
     if deficit:
         u = np.linalg.svd(task_jacobian(cfg, mode=mode) * unit)[0][:, : min(arm.task.k, arm.n)]
         squeezes = np.linalg.norm(u[:, -deficit:].T @ closed.grasps, axis=1) < SQUEEZE
-        fixed = _distances(cfg, closed, "fixed").distances <= tolerance
+        fixed = closed_distances(cfg, closed, "fixed").distances <= tolerance
         kind = "closure" if squeezes.all() else "kinematic" if fixed.any() else "dynamic"
     mobility = min(T.shape)
     moves = mobility - (deficit if kind in ("kinematic", "dynamic") else 0)
@@ -222,7 +222,7 @@ def held_report(
     )
 
 
-def _distances(cfg: Configuration, closed: ClosedMotions, mode: BaseMode) -> RankDistances:
+def closed_distances(cfg: Configuration, closed: ClosedMotions, mode: BaseMode) -> RankDistances:
     """Compute how far along closure the stacked J* of the hands loses rank, to first order.
 
     Of arms with fewer joints than rows it is the joint motions that become dependent.
@@ -249,7 +249,7 @@ def nearest_closed(
     unit, start, step = joint_scales(cfg.arm), cfg.q, np.inf
     for _ in range(STEPS):
         closed = closed_motions(cfg, target, mode)
-        near = _distances(cfg, closed, mode)
+        near = closed_distances(cfg, closed, mode)
         if not np.isfinite(near.distances[-1]):
             return None
         if near.distances[-1] <= THERE and step <= SETTLED:

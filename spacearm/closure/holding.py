@@ -1,20 +1,25 @@
 """Holding: postures in which the tips of an arm hold one target, or the fixed world.
 
-Closed from a rough start; asked whether the closed chain is singular, and how it gets away.
+Closed from a rough start; asked whether the closed chain is singular and how it gets away; led
+along paths of the target.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, Progress, generator
+from spacearm.closure.carrying import Carrying
 from spacearm.closure.closing import Closure, placed
 from spacearm.closure.held_report import HeldReport, held_report
+from spacearm.closure.target_paths import FollowedTarget, Frame, follow_target
 from spacearm.errors import ConfigurationError, NoSolutionError, listed
 from spacearm.mechanics.target import Target
 from spacearm.model.arguments import FLOATING, BaseMode
@@ -22,6 +27,8 @@ from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.model.joints import joint_scales
 from spacearm.model.task import ROWS, Task, with_length
+from spacearm.motion.following import Path
+from spacearm.motion.motion import Motion
 from spacearm.results import Column, Description, Measure, Result, Table, joint_measures
 from spacearm.signatures import checked
 from spacearm.singularities.report import TOLERANCE
@@ -66,6 +73,10 @@ class Held(Result):
         """Whether all tips are where they hold; False of the best try of a `NoSolutionError`."""
         return max(self.gap, self.turn) <= CLOSED
 
+    @cached_property
+    def _carrying(self) -> Carrying:
+        return Carrying(self.configuration, self.target, self.grasps)
+
     def report(
         self,
         *,
@@ -97,6 +108,76 @@ class Held(Result):
         return held_report(
             self.configuration, self.target, self.grasps, mode, tolerance, exact, progress
         )
+
+    def follow(
+        self,
+        path: Path,
+        *,
+        frame: Frame = "inertial",
+        mode: BaseMode = FLOATING,
+        length: float | None = None,
+        speed: float | None = None,
+        times: npt.ArrayLike | None = None,
+        at_rest: bool = True,
+        rest: npt.ArrayLike | None = None,
+        limits: bool = True,
+        progress: Callable[[float, float], object] | None = None,
+    ) -> FollowedTarget:
+        """Lead the target along a path, all grasps kept, as `sa.follow` a tip.
+
+        The target goes straight to the beginning first. Closure is pulled back along the way, not
+        only integrated. Of arms with redundant joints the internal motion is that of least joint
+        rates, or the one to `rest`.
+
+        Args:
+            path: The corners, a sequence of poses of the target's frame; or a function of the path
+                length that gives a pose.
+            frame: Where poses are given: in the "inertial" frame, or in that of the "spacecraft",
+                which turns as the arms move.
+            mode: What the spacecraft does; see `generalized_jacobian`.
+            length: Length of a path given as a function [m], or [rad] of a mere turn.
+            speed: Constant speed along the path [m/s]; see `sa.follow`.
+            times: (m,) when the target passes each corner [s]; see `sa.follow`.
+            at_rest: Whether a motion with times begins and ends at rest.
+            rest: (n,) joint positions to which redundant joints move in the null space, by 1/s.
+            limits: Whether joint limits stop the motion.
+            progress: Called after every step as progress(s, length), of the piece it is on.
+
+        Returns:
+            The motion up to where it ended, of the arms with the target, and at each row the gaps
+            of the grasps and the distance along closure. What is between rows is not checked.
+
+        Raises:
+            ConfigurationError: An argument does not make sense, or the start is singular or, where
+                limits count, beyond them.
+            UnsupportedError: The fixed world is held, there is momentum and the path has no times,
+                or there are fewer joints than rows of all tips.
+        """
+        return follow_target(
+            self._carrying, path, frame=frame, mode=mode, length=length, speed=speed, times=times,
+            at_rest=at_rest, rest=rest, limits=limits, progress=progress,
+        )  # fmt: skip
+
+    def after(self, motion: Motion) -> Held:
+        """Return how the target is held where a motion of it ends.
+
+        Args:
+            motion: The motion, such as one of `follow`: of the same joints.
+
+        Raises:
+            ConfigurationError: It is the motion of another arm.
+        """
+        if motion.arm.joint_names != self.arm.joint_names:
+            raise ConfigurationError(
+                f"motion is one of {motion.arm.name} with other joints; give one of this target, "
+                "as Held.follow makes it"
+            )
+        end = motion[-1]
+        there = kinematics(self.arm, end.q.copy(), end.base)
+        there = there.with_momentum(end.momentum).with_wheels(end.wheels)
+        first = self.grasps[self.arm.tips[0]].inverse()
+        moved = self.target and self.target.replace(pose=there.tips[0] * first)
+        return _held(there, moved, self.grasps, 1)
 
     not_checked = "collisions, and singular postures: Held.report()"
 

@@ -7,7 +7,7 @@ them. coal has that for two bodies on given paths, not for the bodies of a chain
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -75,23 +75,34 @@ class Collisions:
     Args:
         arm: The arm.
         obstacles: The obstacles; bodies of the arm meet them, obstacles may meet each other.
+        touching: Pairs of links of the arm that may touch, such as a hand and what it holds.
 
     Raises:
         ModelError: Collision geometry of a link is faulty.
     """
 
-    def __init__(self, arm: SpaceArm, obstacles: Sequence[Obstacle] = ()) -> None:
+    def __init__(
+        self,
+        arm: SpaceArm,
+        obstacles: Sequence[Obstacle] = (),
+        touching: Collection[frozenset[str]] = (),
+    ) -> None:
         self.arm, self.obstacles = arm, tuple(obstacles)
         own = own_pairs(arm)
         self.bodies = own.bodies
+        apart = [
+            (i, j)
+            for i, j in own.pairs
+            if frozenset((own.bodies[i].link, own.bodies[j].link)) not in touching
+        ]
         self._parts = [(o, part) for o in obstacles for part in o.parts]
         first, against = len(self.bodies), []
         self._moving = {first + j for j, (o, _) in enumerate(self._parts) if o.moves}
         for j, (obstacle, _) in enumerate(self._parts):
             free = set(obstacle.may_touch)
             against += [(i, first + j) for i, b in enumerate(self.bodies) if b.link not in free]
-        self._own = len(own.pairs)
-        self._pairs = [*own.pairs, *against]
+        self._own = len(apart)
+        self._pairs = [*apart, *against]
         solids = [(body.joint, body.pose, body.shape) for body in self.bodies]
         solids += [(0, pin.SE3.Identity(), part.solid) for _, part in self._parts]
         self._geometry = Geometry(arm, solids, self._pairs)

@@ -256,20 +256,34 @@ class TipCurve:
         """Return the rows (k, n) of J* that the task names."""
         return goals.goal_rows(cfg, generalized_jacobian(cfg, mode=self.mode))
 
+    def wanted(self, cfg: Configuration, s: float) -> Array:
+        """Return the twists (6 tips,) of the tips along the path, for a unit of s."""
+        return self.segment.twist(s) + RETURN * goals.twist_between(cfg.tip, self.segment.pose(s))
+
+    def adrift(self, cfg: Configuration) -> Array:
+        """Return the twists (6 tips,) of the tips by the momentum alone."""
+        return np.asarray(cfg.J @ generalized_velocity(cfg, np.zeros(self.arm.n), self.mode))
+
+    def inner(self, cfg: Configuration) -> Array:
+        """Return the joint rates (n,) of which redundant arms take the part in the null space."""
+        return np.zeros(cfg.arm.n)
+
+    def place(self, cfg: Configuration) -> Array:
+        """Return where (3,) what is led along the path is [m]."""
+        return cfg.tip.translation
+
     def tangent(self, cfg: Configuration, s: float) -> Array:
         """Return the unit vector (dq, ds) along the curve.
 
         Of a redundant arm the joint rates are the least; of others ds changes its sign with det J*,
         so that the curve goes on beyond a singularity, back along the path.
         """
-        J = self.jacobian(cfg)
-        back = RETURN * goals.twist_between(cfg.tip, self.segment.pose(s))
-        twist = self.segment.twist(s) + back
-        if self.moving:
-            twist -= cfg.J @ generalized_velocity(cfg, np.zeros(self.arm.n), self.mode)
-        x = goals.goal_rows(cfg, twist)
+        J, twist = self.jacobian(cfg), self.wanted(cfg, s)
+        x = goals.goal_rows(cfg, twist - self.adrift(cfg) if self.moving else twist)
         if not self.square:
-            along = np.append(np.linalg.pinv(J) @ x, 1.0)
+            back = np.linalg.pinv(J)
+            inner = self.inner(cfg)
+            along = np.append(back @ x + inner - back @ (J @ inner), 1.0)
             return along / np.linalg.norm(along)
         along = np.linalg.svd(np.column_stack((J, -x)))[2][-1]
         return along * self.sense * np.sign(np.linalg.det(J)) * np.sign(along[-1])
@@ -482,24 +496,94 @@ def follow(
         >>> sa.follow(sa.load("planar2").at([0.3, 1.2]), [(1.5, 1.2)]).reason
         'arrived at (1.5, 1.2, 0) m after 0.0966 m'
     """
-    arm, cfg = start.arm, goals.started(start, origin)
-    if times is not None and (speed is not None or length is not None):
-        raise ConfigurationError("times say how fast the tip moves; leave out speed and length")
-    speed = positive(0.1 if speed is None else speed, "speed", "speed [m/s]")
-    if times is None and (cfg.momentum.any() or cfg.wheels.any()):
+    cfg = goals.started(start, origin)
+    pieces, pace, timed = path_pieces(cfg, path, length, speed, times, at_rest)
+    if not timed and (cfg.momentum.any() or cfg.wheels.any()):
         raise UnsupportedError(
             "the start has momentum on board, and the spacecraft turns with time; give times= at "
             "which the tip passes each corner"
         )
     check_start(cfg, mode, limits)
-    first = cfg
-    timed = None if times is None else timed_curve(cfg, path, times, at_rest)
-    pieces = segments(cfg, path, length) if timed is None else [timed]
-    pace = speed if timed is None else 1.0
+    led, last, place = rows_along(
+        cfg, pieces, pace, lambda at, piece: TipCurve(at, piece, mode, limits), progress
+    )
+    behind, whole = lengths_of(cfg, led.s, pieces, timed)
+    return Followed(
+        arm=start.arm,
+        mode=mode,
+        t=led.s / pace,
+        **samples(led.rows),
+        **carried_along(cfg, len(led.rows)),
+        s=behind,
+        length=whole,
+        ended=last.kind,
+        reason=how_it_ended(start.arm, place, behind[-1], whole, last),
+        dq=led.dq,
+        ddq=led.ddq,
+        jumps=led.jumps,
+    )
+
+
+def path_pieces(
+    cfg: Configuration,
+    path: Path,
+    length: float | None,
+    speed: float | None,
+    times: npt.ArrayLike | None,
+    at_rest: bool,
+) -> tuple[list[Segment], float, bool]:
+    """Return the pieces of a path, the speed along their parameter, and whether this is time.
+
+    Raises:
+        ConfigurationError: An argument does not make sense.
+    """
+    if times is not None and (speed is not None or length is not None):
+        raise ConfigurationError("times say how fast the tip moves; leave out speed and length")
+    speed = positive(0.1 if speed is None else speed, "speed", "speed [m/s]")
+    if times is not None:
+        return [timed_curve(cfg, path, times, at_rest)], 1.0, True
+    return segments(cfg, path, length), speed, False
+
+
+class Led(NamedTuple):
+    """The rows of a motion along the pieces of a path.
+
+    Attributes:
+        rows: The configurations.
+        s: (m,) the parameter of the path.
+        dq: (m, n) joint rates.
+        ddq: (m, n) accelerations.
+        jumps: Where the rates jump.
+    """
+
+    rows: list[Configuration]
+    s: Array
+    dq: Array
+    ddq: Array
+    jumps: tuple[RateJump, ...]
+
+
+def rows_along(
+    cfg: Configuration,
+    pieces: Sequence[Segment],
+    pace: float,
+    curve_of: Callable[[Configuration, Segment], TipCurve],
+    progress: Callable[[float, float], object] | None,
+) -> tuple[Led, Event, Array]:
+    """Lead an arm along the pieces of a path; return also what ended it, and where.
+
+    Args:
+        cfg: The configuration at the start.
+        pieces: The pieces.
+        pace: How fast their parameter grows [1/s].
+        curve_of: Makes the curve of states along a piece.
+        progress: As in `follow`.
+    """
+    n = cfg.arm.n
     states, moved, jumps = [state_of(cfg, 0.0)], list[Array](), list[RateJump]()
-    behind, before = 0.0, np.zeros(arm.n)
+    behind, before = 0.0, np.zeros(n)
     for piece in pieces:
-        curve = TipCurve(cfg, piece, mode, limits)
+        curve = curve_of(cfg, piece)
         y, end = curve.integrate(progress)
         unbounded = curve.square and end.kind == "singularity"
         inside = [state_of(cfg, 0.0), *(y[:-1] if unbounded else y)]
@@ -515,32 +599,31 @@ def follow(
             break
     rows, known = np.vstack(states), np.vstack(moved)
     if unbounded:
-        last = (rows[-1, : arm.n] - rows[-2, : arm.n]) / (rows[-1, -1] - rows[-2, -1]) * pace
+        last = (rows[-1, :n] - rows[-2, :n]) / (rows[-1, -1] - rows[-2, -1]) * pace
         known = np.append(known, [[last, known[-1, 1]]], axis=0)
     else:
         jumps.append(RateJump(rows[-1, -1] / pace, cfg.q, -before))
     least = SMOOTH * np.abs(known[:, 0]).max()
     kept = np.append(True, np.diff(rows[:, -1]) > 0.0)
     rows, known = rows[kept], known[kept]
-    s, whole = rows[:, -1], sum(piece.length for piece in pieces)
-    t = s / pace
-    if timed is not None:
-        clock, behind_at = lengths_at(first, timed)
-        s, whole = np.interp(s, clock, behind_at), float(behind_at[-1])
-    return Followed(
-        arm=arm,
-        mode=mode,
-        t=t,
-        **samples([curve.configuration(y) for y in rows]),
-        **carried_along(first, len(rows)),
-        s=s.copy(),
-        length=whole,
-        ended=end.kind,
-        reason=how_it_ended(arm, curve.configuration(rows[-1]).tip.translation, s[-1], whole, end),
-        dq=known[:, 0].copy(),
-        ddq=known[:, 1].copy(),
-        jumps=tuple(jump for jump in jumps if np.abs(jump.change).max() > least),
+    led = Led(
+        [curve.configuration(y) for y in rows],
+        rows[:, -1].copy(),
+        known[:, 0].copy(),
+        known[:, 1].copy(),
+        tuple(jump for jump in jumps if np.abs(jump.change).max() > least),
     )
+    return led, end, curve.place(led.rows[-1])
+
+
+def lengths_of(
+    cfg: Configuration, s: Array, pieces: Sequence[Segment], timed: bool
+) -> tuple[Array, float]:
+    """Return the length of path behind what is led (m,), and of the whole path."""
+    if not timed:
+        return s, sum(piece.length for piece in pieces)
+    clock, behind = lengths_at(cfg, pieces[0])
+    return np.interp(s, clock, behind), float(behind[-1])
 
 
 def check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
@@ -565,15 +648,17 @@ def check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
         )
 
 
-def how_it_ended(arm: SpaceArm, tip: Array, s: float, length: float, end: Event) -> str:
-    """Return where and why a motion ended, with the tip at a place (3,) [m]."""
-    place = ", ".join(f"{x:.4g}" for x in tip)
+def how_it_ended(
+    arm: SpaceArm, at: Array, s: float, length: float, end: Event, what: str = "tip"
+) -> str:
+    """Return where and why a motion ended, with what is led at a place (3,) [m]."""
+    place = ", ".join(f"{x:.4g}" for x in at)
     unit = "m" if min(arm.task.indices) < 3 else "rad"
     if end.kind == "arrived":
         return f"arrived at ({place}) m after {s:.4g} {unit}"
-    where = f"after {s:.4g} of {length:.4g} {unit}, tip at ({place}) m"
+    where = f"after {s:.4g} of {length:.4g} {unit}, {what} at ({place}) m"
     if end.kind == "joint limit":
         return f"joint {end.detail!r} reaches its limit {where}"
     q = arm.in_words(end.q)
     set_at = "" if end.nearest is None else f" at q = {arm.in_words(end.nearest)}"
-    return f"singular {where}, q = {q}{end.detail}{set_at}: J* cannot lead the tip on along it"
+    return f"singular {where}, q = {q}{end.detail}{set_at}: J* cannot lead the {what} on along it"

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 import spacearm as sa
 from helpers.arms import (
     frame,
@@ -48,3 +52,50 @@ def rough(arm, rng, mass=None, off=0.15):
     }
     start = arm.at(q + rng.uniform(-off, off, arm.n), base=closed.base)
     return start, target, grasps
+
+
+def closed(seed=0, counts=(6, 6), **options) -> sa.Held:
+    """A held target of random arms."""
+    rng = np.random.default_rng(seed)
+    start, target, grasps = rough(several(rng, counts), rng)
+    return sa.hold(start, target, grasps, limits=False, **options)
+
+
+def roomy(seed=0, counts=(6, 6), tries=12) -> tuple[sa.Held, float]:
+    """Of some light targets the one that moves best, and how far it does by 0.1 rad [m], [rad]."""
+    found = []
+    for i in range(tries):
+        held = closed(1000 * seed + i, counts)
+        light = debris(np.random.default_rng(i), 5.0, held.target.pose)
+        held = replace(held, target=light)
+        report = held.report()
+        found.append((min(report.sigma[-1], report.distance), i, held))
+    most, _, best = max(found)
+    return best, 0.1 * most
+
+
+def rates_for(cfg, target, twist, inner=None):
+    """The spacecraft's twist (inertial axes) and the joint rates with which the target has a twist.
+
+    Momentum and all grasps at once, as the equations stand; of redundant arms the least rates, or
+    those next to `inner`.
+    """
+    A_b, A_q = sa.momentum_matrix(cfg)
+    R = np.kron(np.eye(2), cfg.base.rotation.T)
+    place, com = target.pose.translation, target.pose.act(target.com)
+    v_cm = twist[:3] + np.cross(twist[3:], com - place)
+    spin = target.pose.rotation @ target.inertia @ target.pose.rotation.T @ twist[3:]
+    momentum = np.concatenate(
+        (target.mass * v_cm, spin + np.cross(com - cfg.com, target.mass * v_cm))
+    )
+    twists = [
+        np.concatenate((twist[:3] + np.cross(twist[3:], tip.translation - place), twist[3:]))
+        for tip in cfg.tips
+    ]
+    wanted = np.concatenate((-momentum, *twists))
+    B = np.linalg.solve(A_b, np.column_stack((A_q, momentum)))  # v_b = -B (dq, 1)
+    J_b = cfg.J[:, :6] @ R
+    J, x = cfg.J[:, 6:] - J_b @ B[:, :-1], wanted[6:] + J_b @ B[:, -1]
+    inner = np.zeros(cfg.arm.n) if inner is None else inner
+    dq = inner + np.linalg.lstsq(J, x - J @ inner)[0]
+    return -B @ np.append(dq, 1.0), dq

@@ -1,0 +1,226 @@
+"""Paths of a held target: all tips led at once, so that the target follows and closure is kept.
+
+With G_i the twist of grasp i by that of the target, the joints move as J*_i dq = G_i v_t for all
+tips i, J* that of the arms with the target (see `carrying`): momentum is that of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, ClassVar, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.closure.carrying import Carrying
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.mechanics.jacobian import generalized_jacobian
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, kinematics
+from spacearm.model.joints import joint_vector
+from spacearm.motion import goal as goals
+from spacearm.motion.following import (
+    RETURN,
+    Followed,
+    Path,
+    Segment,
+    TipCurve,
+    check_start,
+    how_it_ended,
+    lengths_of,
+    path_pieces,
+    rows_along,
+)
+from spacearm.motion.motion import carried_along, samples
+from spacearm.motion.motion_file import Quantity
+from spacearm.results import Cell, Description, Measure, Table
+
+Frame: TypeAlias = Literal["inertial", "spacecraft"]
+"""In which poses of a target are given."""
+HELD: Mapping[str, Quantity] = {
+    "target": Quantity("m, quaternion xyzw", "pose"),
+    "gap": Quantity("m"),
+    "gap_angle": Quantity("rad"),
+    "closure_distance": Quantity("rad"),
+}
+"""What is told of each row of a motion with a held target."""
+
+
+class FollowedTarget(Followed, kw_only=True):
+    """The motion of arms whose held target follows a path, from `Held.follow`.
+
+    Its arm is the arms with the target, which is fixed to the first tip.
+
+    Attributes:
+        target: (m, 7) poses of the target: position [m], quaternion xyzw, inertial frame.
+        gap: (m,) largest distance of a tip from its grasp [m].
+        gap_angle: (m,) largest angle between them [rad].
+        closure_distance: (m,) how far the nearest singular posture along closure is, to first
+            order [rad].
+    """
+
+    target: Array
+    gap: Array
+    gap_angle: Array
+    closure_distance: Array
+
+    QUANTITIES: ClassVar[Mapping[str, Quantity]] = {**Followed.QUANTITIES, **HELD}
+
+    not_checked = "collisions; closure, limits and distances between the rows"
+
+    def describe(self) -> Description:
+        """Describe the motion, why it ended, and what closure does on the way."""
+        motion = super().describe()
+        return replace(motion, tables=[*motion.tables, gaps_table(self)])
+
+
+def gaps_table(motion: Any) -> Table:
+    """Return what is told of closure along the rows of a motion."""
+    facts: dict[str, Cell] = {
+        "largest gap of a grasp": Measure(float(motion.gap.max()), "m", ".1e"),
+        "and angle": Measure(float(motion.gap_angle.max()), "rad", ".1e"),
+    }
+    if hasattr(motion, "closure_distance"):
+        least = float(motion.closure_distance.min())
+        facts["singular posture along closure, to first order"] = Measure(least, "rad")
+    return Table.facts(facts, "At the rows")
+
+
+class TargetCurve(TipCurve):
+    """The curve of states along which a held target follows one segment.
+
+    Args:
+        carrying: The arms with the target.
+        cfg: Configuration at its start.
+        segment: The segment, of the target's frame.
+        mode: What the spacecraft does.
+        limits: Whether joint limits end it.
+        frame: In which the segment is given.
+        rest: (n,) joint positions to which the joints move in the null space; None for none.
+        gain: How fast, for a unit of the segment.
+    """
+
+    def __init__(
+        self,
+        carrying: Carrying,
+        cfg: Configuration,
+        segment: Segment,
+        mode: BaseMode,
+        limits: bool,
+        frame: Frame = "inertial",
+        rest: Array | None = None,
+        gain: float = 1.0,
+    ) -> None:
+        self.carrying, self.relative = carrying, frame == "spacecraft"
+        self.rest, self.gain = rest, gain
+        super().__init__(cfg, segment, mode, limits)
+
+    def jacobian(self, cfg: Configuration) -> Array:
+        """Return the rows (k, n) of J* of all tips; seen from the spacecraft J."""
+        J = generalized_jacobian(cfg, mode="fixed" if self.relative else self.mode)
+        return goals.goal_rows(cfg, J)
+
+    def wanted(self, cfg: Configuration, s: float) -> Array:
+        """Return the twists (6 tips,) of all grasps, and back to where they should be."""
+        pose, twist = self.segment.pose(s), self.segment.twist(s)
+        if self.relative:
+            base = cfg.base
+            pose, twist = base * pose, np.kron(np.eye(2), base.rotation) @ twist
+        v, w, x = twist[:3], twist[3:], list[Array]()
+        for tip, grasp in zip(cfg.tips, self.carrying.grasps, strict=True):
+            there = pose * grasp
+            moved = np.concatenate((v + np.cross(w, there.translation - pose.translation), w))
+            x.append(moved + RETURN * goals.twist_between(tip, there))
+        return np.concatenate(x)
+
+    def adrift(self, cfg: Configuration) -> Array:
+        """Return the twists of the tips by the momentum alone; none, seen from the spacecraft."""
+        return np.zeros(len(cfg.J)) if self.relative else super().adrift(cfg)
+
+    def inner(self, cfg: Configuration) -> Array:
+        """Return the joint rates (n,) towards the positions at rest."""
+        return super().inner(cfg) if self.rest is None else self.gain * (self.rest - cfg.q)
+
+    def place(self, cfg: Configuration) -> Array:
+        """Return where (3,) the target is [m]."""
+        return self.carrying.frame(cfg).translation
+
+
+def as_aim(carrying: Carrying, cfg: Configuration, frame: Frame) -> Configuration:
+    """Return a configuration whose tip is the target's frame, seen from a frame.
+
+    Raises:
+        ConfigurationError: There is no such frame.
+    """
+    if frame not in ("inertial", "spacecraft"):
+        raise ConfigurationError(unknown("frame", frame, ("inertial", "spacecraft")))
+    base = cfg.base if frame == "inertial" else pin.SE3.Identity()
+    return kinematics(carrying.of_target, cfg.q.copy(), base)
+
+
+def check_chain(carrying: Carrying, mode: BaseMode, limits: bool, timed: bool) -> None:
+    """Refuse what cannot lead a target anywhere.
+
+    Raises:
+        ConfigurationError: The start is singular, or beyond the joint limits where they count.
+        UnsupportedError: There is momentum and no times, or the arms have too few joints.
+    """
+    cfg, arm = carrying.start, carrying.arm
+    if not timed and (cfg.momentum.any() or cfg.wheels.any()):
+        raise UnsupportedError(
+            "the start has momentum on board, and the spacecraft turns with time; give times= at "
+            "which the target passes each corner"
+        )
+    if arm.n < arm.task.k:
+        raise UnsupportedError(
+            f"{arm.name} has {arm.n} joints for the {arm.task.k} rows of {len(arm.tips)} tips, so "
+            "that the target cannot follow any path; Held.report() tells how it can move"
+        )
+    check_start(cfg, mode, limits)
+
+
+def follow_target(
+    carrying: Carrying,
+    path: Path,
+    *,
+    frame: Frame,
+    mode: BaseMode,
+    length: float | None,
+    speed: float | None,
+    times: npt.ArrayLike | None,
+    at_rest: bool,
+    rest: npt.ArrayLike | None,
+    limits: bool,
+    progress: Callable[[float, float], object] | None,
+) -> FollowedTarget:
+    """Lead a held target along a path; arguments, results and errors as of `Held.follow`."""
+    start, arm = carrying.start, carrying.arm
+    check_chain(carrying, mode, limits, times is not None)
+    seen = as_aim(carrying, start, frame)
+    pieces, pace, timed = path_pieces(seen, path, length, speed, times, at_rest)
+    inner = None if rest is None else joint_vector(arm, rest, "rest")
+
+    def curve(at: Configuration, piece: Segment) -> TargetCurve:
+        return TargetCurve(carrying, at, piece, mode, limits, frame, inner, 1.0 / pace)
+
+    led, last, place = rows_along(start, pieces, pace, curve, progress)
+    behind, whole = lengths_of(seen, led.s, pieces, timed)
+    return FollowedTarget(
+        arm=arm,
+        mode=mode,
+        t=led.s / pace,
+        **samples(led.rows),
+        **carried_along(start, len(led.rows)),
+        s=behind,
+        length=whole,
+        ended=last.kind,
+        reason=how_it_ended(arm, place, behind[-1], whole, last, "target"),
+        dq=led.dq,
+        ddq=led.ddq,
+        jumps=led.jumps,
+        closure_distance=np.array([carrying.distance(cfg, mode) for cfg in led.rows]),
+        **carrying.account(led.rows),
+    )
