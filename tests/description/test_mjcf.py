@@ -125,6 +125,14 @@ def test_joints_tied_by_an_equality_follow(tmp_path):
     arm = load(text, tmp_path)
     assert arm.joint_names == ("a",)
     assert tuple(arm.tree.joints["b"].mimic) == ("a", -2.0, 0.1)
+    held = text.replace('joint2="a" polycoef=".1 -2 0 0 0"', 'polycoef=".1 0 0 0 0"')
+    arm = load(held, tmp_path, tip="b")
+    assert arm.joint_names == ("a",)
+    both = load(held.replace('<joint joint1="b" polycoef=".1 0 0 0 0"/>', ""), tmp_path, tip="b")
+    assert arm.at([0.3]).tip.isApprox(both.at([0.3, 0.1]).tip)
+    curved = text.replace("-2 0", "-2 .3")
+    with pytest.warns(sa.ModelWarning, match="by curves are left out, .* free: b to a"):
+        assert load(curved, tmp_path).n == 2
     loop = '<equality><connect body1="b" body2="bus" anchor="0 0 0"/></equality>'
     text = mjcf(free(link("a", inside=link("b")))).replace("</mujoco>", loop + "</mujoco>")
     with pytest.warns(sa.ModelWarning, match="close a loop are left out, the loop open: b to bus"):

@@ -198,13 +198,18 @@ class _Reader:
         if joint.name not in self._couplings:
             return joint
         leader, offset, gain = self._couplings[joint.name]
+        if not leader:
+            return joint.frozen(self._zero(joint.name) + offset)
         if leader not in tree.joints:
             return joint
-        zero, zero_of_leader = (
-            float(self._model.qpos0[self._model.jnt_qposadr[self._joints.index(name)]])
-            for name in (joint.name, leader)
+        return replace(
+            joint,
+            mimic=Mimic(leader, gain, self._zero(joint.name) + offset - gain * self._zero(leader)),
         )
-        return replace(joint, mimic=Mimic(leader, gain, zero + offset - gain * zero_of_leader))
+
+    def _zero(self, joint: str) -> float:
+        """Return where a joint is in the posture that the file describes [rad] or [m]."""
+        return float(self._model.qpos0[self._model.jnt_qposadr[self._joints.index(joint)]])
 
     def _kind(self, joint: int) -> str:
         """Return "FREE", "BALL", "SLIDE" or "HINGE"."""
@@ -212,18 +217,30 @@ class _Reader:
 
 
 def _couplings(source: Source, spec: mujoco.MjSpec) -> dict[str, tuple[str, float, float]]:
-    """Return leader, offset and gain of each joint that an active constraint ties to another."""
+    """Return leader, offset and gain of each joint that an active constraint ties to another.
+
+    The leader of one that is held at a value is empty.
+    """
     import mujoco
 
     loops = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
     if ends := [f"{t.name1} to {t.name2 or 'world'}" for t in spec.equalities if t.type in loops]:
         source.warn(f"equalities that close a loop are left out, the loop open: {', '.join(ends)}")
     found: dict[str, tuple[str, float, float]] = {}
+    curved: list[str] = []
     for tie in spec.equalities:
+        if tie.type != mujoco.mjtEq.mjEQ_JOINT or not tie.active or tie.name1 in found:
+            continue
         offset, gain, *rest = tie.data[:5].tolist()
-        linear = tie.type == mujoco.mjtEq.mjEQ_JOINT and tie.name2 and not any(rest)
-        if linear and tie.active and tie.name1 not in found:
+        if any(rest) and tie.name2:
+            curved.append(f"{tie.name1} to {tie.name2}")
+        else:
             found[tie.name1] = (tie.name2, offset, gain)
+    if curved:
+        source.warn(
+            "equalities that tie joints by curves are left out, and these joints are free: "
+            + ", ".join(curved)
+        )
     return found
 
 
