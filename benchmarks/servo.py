@@ -10,12 +10,14 @@ degrees away from the set. All three scale their rates to the same limits.
 - halting: the twist is slowed from a condition number of 17 on and halts at 30, unless it falls.
 
 Printed of each arm: the share of the commanded motion that is done; the nearest that any run comes
-to the set, searched anew along each run by `NearestSearch`, which knows nothing of the servo; of
-the servo also whether any limit was exceeded, and in which share of the steps farther away than
-`slow` the direction was off by more than a degree. The other two fly the first eight of the runs.
+to the set, at any step, by a search that knows nothing of the servo; of the servo also whether any
+limit was exceeded, in which share of the steps farther away than `slow` the direction was off by
+more than a degree, and how much too far it tells the nearest singular posture to be at most, where
+one is nearer than `slow`, and in 95 of 100 places anywhere. The other two fly the first eight of
+the runs; there `NearestSearch` looks each second, too, for what the servo tells.
 
-The postures that are searched are four a second, but those that cannot be the nearest: the distance
-falls by no more than the way in joint space.
+The search along the runs: five times a second from random starts within 15 degrees, by Barzilai and
+Borwein's steps, then from each step along the set from what was found beside it.
 """
 
 from __future__ import annotations
@@ -30,13 +32,17 @@ import spacearm as sa
 from spacearm.equations import servo as ticks
 from spacearm.equations.servo import Tick
 from spacearm.mechanics.arm_kernels import WIDE, ArmKernel
+from spacearm.mechanics.distance import linearise, project
 from spacearm.model.joints import joint_scales
+from spacearm.polynomial.newton import shortened
 from spacearm.singularities.nearest import NearestSearch
 
 ARMS = ("planar2", "planar3", "mda6", "ssrms", "chaser7", "cubesat_xarm")
-DT, SECONDS, LOOKS = 0.01, 60.0, 0.25
+DT, SECONDS = 0.01, 60.0
+LOOKS, REACH, STARTS, ON = 20, np.radians(15.0), 8, 1e-3
+"""Steps between two searches, how far [rad] and from how many places they start, ways at rest."""
 RATE, ACCELERATION, WISHED = 0.5, 2.0, 0.1
-OTHERS, TOGETHER = 8, 100
+OTHERS, TOGETHER = 8, 250
 """Runs of the other two, and those that fly side by side."""
 SLOWED, HALTED = 17.0, 30.0
 DAMPED = sa.DampedLeastSquares(target=(0.0,))
@@ -58,14 +64,72 @@ def wishes(arm: sa.SpaceArm, Q: np.ndarray, seed: int) -> np.ndarray:
     return np.array(sum(a * np.sin(w * t + p) for a, w, p in zip(A, W, P, strict=True)))
 
 
-def starts(arm: sa.SpaceArm, m: int, seed: int) -> np.ndarray:
-    """Random postures (m, n) within the limits and more than 15 degrees away from the set."""
-    rng, found = np.random.default_rng((0, seed)), []
-    while len(found) < m:
-        q = rng.uniform(np.maximum(arm.lower, -2.0), np.minimum(arm.upper, 2.0))
-        if searched(arm, q) > np.radians(15.0):
-            found.append(q)
-    return np.array(found)
+class Led:
+    """`sa.Servo` over many runs side by side."""
+
+    def __init__(self, arm: sa.SpaceArm) -> None:
+        self.servo = sa.Servo(arm, rates=RATE, accelerations=ACCELERATION, frame="spacecraft")
+        options = {"frame": "spacecraft", "keep_attitude": False}
+        self.kernel = ArmKernel(
+            [arm], "free-floating", ticks.flat_step, options, lanes=WIDE, fast=True
+        )
+        self.limits = {"limits": ticks.packed(self.servo.limits)}
+
+    def step(
+        self, Q: np.ndarray, twist: np.ndarray, memory: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rates (m, n), distances told (m,) and memories of the next step."""
+        m, n = Q.shape
+        parts = (np.tile([0.0, 0, 0, 1], (m, 1)), twist, np.full((m, 1), DT), np.zeros((m, 6)))
+        found = self.kernel({"given": np.concatenate((Q, *parts, memory), axis=1)}, self.limits)
+        size = ticks.size(Tick, n, len(self.servo.arm.tips))
+        return found[:, :n], found[:, n], found[:, size:]
+
+    def starts(self, m: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """Random postures (m, n) more than 15 degrees away from the set, and the memories there."""
+        arm, rng, known = self.servo.arm, np.random.default_rng((0, seed)), []
+        low, high = np.maximum(arm.lower, -2.0), np.minimum(arm.upper, 2.0)
+        while len(known) < m:
+            Q = rng.uniform(low, high, (2 * m, arm.n))
+            memory = np.array([ticks.packed(ticks.unknowing(arm.n, q)) for q in Q])
+            rest = np.zeros((2 * m, 6 * len(arm.tips)))
+            for _ in range(ticks.SEARCH + 1):
+                _, far, memory = self.step(Q, rest, memory)
+            known += [(Q[i], memory[i]) for i in np.flatnonzero(far > np.radians(15.0))]
+        Q, memory = zip(*known[:m], strict=True)
+        return np.array(Q), np.array(memory)
+
+    def fly(
+        self, Q: np.ndarray, memory: np.ndarray, twists: np.ndarray
+    ) -> tuple[Flight, float, int, np.ndarray]:
+        """Fly: the flight, the largest excess, steps off course, and distances told."""
+        arm, slow = self.servo.arm, self.servo.limits.slow
+        flight, last, excess, off, told = Flight(arm, Q), 0.0 * Q, 0.0, 0, []
+        for twist in twists:
+            dq, distance, memory = self.step(flight.Q, twist, memory)
+            told.append(distance)
+            J, v = tasks(arm, flight.Q, twist)
+            moved = (J @ dq[..., None])[..., 0]
+            speed = np.linalg.norm(moved, axis=1)
+            straight = np.cos(np.radians(1.0)) * speed * np.linalg.norm(v, axis=1)
+            off += ((distance > slow) & (speed > 1e-6) & ((moved * v).sum(axis=1) < straight)).sum()
+            flight.move(J, v, dq)
+            beyond = [
+                np.abs(dq) - RATE,
+                np.abs(dq - last) - ACCELERATION * DT,
+                flight.Q - arm.upper,
+                arm.lower - flight.Q,
+            ]
+            excess, last = max(excess, *(part.max() for part in beyond)), dq
+        return flight, excess, off, np.array(told)
+
+    def one_by_one(self, q: np.ndarray, memory: np.ndarray, twists: np.ndarray) -> np.ndarray:
+        """The last posture (n,) of a run that `Servo.step` flies."""
+        servo = self.servo
+        servo.memory = ticks.unpacked(ticks.Memory, memory, len(q), len(servo.arm.tips))
+        for twist in twists:
+            q = q + DT * servo.step((q, [0, 0, 0, 1]), twist, DT).rates
+        return q
 
 
 def searched(arm: sa.SpaceArm, q: np.ndarray) -> float:
@@ -75,37 +139,60 @@ def searched(arm: sa.SpaceArm, q: np.ndarray) -> float:
 
 
 class Flight:
-    """What a servo does: postures as they are looked at, and the share of the motion done."""
+    """What a servo does: its postures, and the share of the motion that is done."""
 
     def __init__(self, arm: sa.SpaceArm, Q: np.ndarray) -> None:
         self.arm, self.Q, self.seen = arm, Q, [Q]
         self.done = self.asked = 0.0
 
-    def move(self, i: int, J: np.ndarray, v: np.ndarray, dq: np.ndarray) -> None:
+    def move(self, J: np.ndarray, v: np.ndarray, dq: np.ndarray) -> None:
         """Take a step with task Jacobians (m, k, n), wishes (m, k) and rates (m, n)."""
         self.done += (v * (J @ dq[..., None])[..., 0]).sum()
         self.asked += (v * v).sum()
         self.Q = self.Q + DT * dq
-        if (i + 1) % round(LOOKS / DT) == 0:
-            self.seen.append(self.Q)
+        self.seen.append(self.Q)
 
-    def closest(self) -> float:
-        """The nearest of all [rad], searched anew."""
-        best = np.inf
-        for way in np.array(self.seen).swapaxes(0, 1):
-            x, open_ = way / joint_scales(self.arm), [(0, len(way))]
-            while open_:
-                low, high = open_.pop()
-                i = (low + high) // 2
-                distance = searched(self.arm, way[i])
-                best = min(best, distance)
-                left = np.linalg.norm(x[low:high] - x[i], axis=1) > distance - best
-                before, after = np.flatnonzero(left[: i - low]), np.flatnonzero(left[i - low :])
-                if before.size:
-                    open_.append((low, low + before[-1] + 1))
-                if after.size:
-                    open_.append((i + after[0], high))
-        return best
+    def distances(self) -> np.ndarray:
+        """How far the set is that is found from each posture (steps, m) [rad]."""
+        return np.transpose([near(self.arm, way) for way in np.swapaxes(self.seen, 0, 1)])
+
+
+def near(arm: sa.SpaceArm, Q: np.ndarray) -> np.ndarray:
+    """How far singular postures are that are found about the postures of a run (m, n) [rad]."""
+    rng, (m, n) = np.random.default_rng(0), Q.shape
+    looks = Q[::LOOKS]
+    X = rng.normal(size=(len(looks), STARTS, n))
+    X *= REACH / np.linalg.norm(X, axis=2, keepdims=True)
+    X *= rng.uniform(size=(*X.shape[:2], 1)) ** (1.0 / n)
+    X[:, 0] = 0.0
+    X, far = along(arm, looks.repeat(STARTS, axis=0), X.reshape(-1, n), 16)
+    best = np.arange(len(looks)), far.reshape(-1, STARTS).argmin(axis=1)
+    beside = np.minimum((np.arange(m) + LOOKS // 2) // LOOKS, len(looks) - 1)
+    points = looks / joint_scales(arm) + X.reshape(-1, STARTS, n)[best]
+    return along(arm, Q, points[beside] - Q / joint_scales(arm), 3)[1]
+
+
+def along(
+    arm: sa.SpaceArm, Q: np.ndarray, X: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets (m, n) after steps towards what is nearest to Q, and how far; inf off the set.
+
+    The steps are Barzilai and Borwein's on the way to the set linearised at X.
+    """
+    share, before, went = np.full((len(X), 1), 0.7), np.zeros(X.shape), np.zeros(X.shape)
+    for i in range(count + 1):
+        seen = linearise(arm, Q + joint_scales(arm) * X, expected=10**6)
+        way = np.nan_to_num(project(seen, X) - X, posinf=0.0, neginf=0.0)
+        if i == count:
+            break
+        change = way - before
+        if i:
+            square = np.maximum((change * change).sum(axis=1), 1e-14)
+            share = np.clip(-(went * change).sum(axis=1) / square, 0.02, 1.0)[:, None]
+        before, went = way, share * shortened(way, 0.4)
+        X = X + went
+    on = np.linalg.norm(way, axis=1) < ON
+    return X, np.where(on, np.linalg.norm(X, axis=1), np.inf)
 
 
 def tasks(arm: sa.SpaceArm, Q: np.ndarray, twist: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -119,7 +206,7 @@ def tasks(arm: sa.SpaceArm, Q: np.ndarray, twist: np.ndarray) -> tuple[np.ndarra
 def rival(arm: sa.SpaceArm, Q: np.ndarray, twists: np.ndarray, halts: bool) -> Flight:
     """Fly by one of the others."""
     flight, before = Flight(arm, Q), np.full(len(Q), np.inf)
-    for i, twist in enumerate(twists):
+    for twist in twists:
         J, v = tasks(arm, flight.Q, twist)
         U, s, VT = np.linalg.svd(J, full_matrices=False)
         along = (U.swapaxes(1, 2) @ v[..., None])[..., 0]
@@ -136,85 +223,52 @@ def rival(arm: sa.SpaceArm, Q: np.ndarray, twists: np.ndarray, halts: bool) -> F
         outward = ((dq > 0.0) & (flight.Q + DT * dq > arm.upper)) | (
             (dq < 0.0) & (flight.Q + DT * dq < arm.lower)
         )
-        flight.move(i, J, v, np.where(outward.any(axis=1, keepdims=True), 0.0, dq))
+        flight.move(J, v, np.where(outward.any(axis=1, keepdims=True), 0.0, dq))
     return flight
 
 
-def led(arm: sa.SpaceArm, Q: np.ndarray, twists: np.ndarray) -> tuple[Flight, float, int, int]:
-    """Fly by the servo; also the largest excess of a limit, the steps off course and far away."""
-    servo, (m, n), tips = (
-        sa.Servo(arm, rates=RATE, accelerations=ACCELERATION),
-        Q.shape,
-        len(arm.tips),
-    )
-    options = {"frame": "spacecraft", "keep_attitude": False}
-    kernel = ArmKernel([arm], "free-floating", ticks.flat_step, options, lanes=WIDE, fast=True)
-    known, limits = [], {"limits": ticks.packed(servo.limits)}
-    for q in Q:
-        servo.start((q, [0, 0, 0, 1]))
-        known.append(ticks.packed(servo.memory))
-    memory, last = np.array(known), np.zeros((m, n))
-    flight, excess, off, far, size = Flight(arm, Q), 0.0, 0, 0, ticks.size(Tick, n, tips)
-    for i, twist in enumerate(twists):
-        seen = [
-            flight.Q,
-            np.tile([0.0, 0, 0, 1], (m, 1)),
-            twist,
-            np.full((m, 1), DT),
-            np.zeros((m, 6)),
-        ]
-        found = kernel({"given": np.concatenate((*seen, memory), axis=1)}, limits)
-        dq, distance, memory = found[:, :n], found[:, n], found[:, size:]
-        J, v = tasks(arm, flight.Q, twist)
-        moved = (J @ dq[..., None])[..., 0]
-        cosine = (moved * v).sum(axis=1) / (
-            np.linalg.norm(moved, axis=1) * np.linalg.norm(v, axis=1) + 1e-300
-        )
-        away = distance > servo.limits.slow
-        off, far = (
-            off
-            + (
-                away & (cosine < np.cos(np.radians(1.0))) & (np.linalg.norm(moved, axis=1) > 1e-6)
-            ).sum(),
-            far + away.sum(),
-        )
-        flight.move(i, J, v, dq)
-        beyond = [
-            np.abs(dq) - RATE,
-            np.abs(dq - last) - ACCELERATION * DT,
-            flight.Q - arm.upper,
-            arm.lower - flight.Q,
-        ]
-        excess, last = max(excess, *(part.max() for part in beyond)), dq
-    return flight, excess, off, far
-
-
-def batch(name: str, first: int, runs: int) -> tuple[np.ndarray, list[float]]:
-    """Fly a batch of runs: (6,) sums, minus the nearest, the excess; what the others do."""
+def batch(name: str, first: int, runs: int) -> tuple[np.ndarray, np.ndarray, list[float]]:
+    """Fly a batch of runs: sums, largest numbers; what the others do, in the first one."""
     arm, m = sa.load(name), min(TOGETHER, runs - first)
-    Q = starts(arm, m, first)
+    led = Led(arm)
+    Q, memory = led.starts(m, first)
     twists = wishes(arm, Q, first)
-    flight, excess, off, far = led(arm, Q, twists)
+    flight, excess, off, told = led.fly(Q, memory, twists)
+    distance, slow = flight.distances()[:-1], led.servo.limits.slow
+    late = (np.minimum(told, np.pi) - np.where(distance < slow, distance, np.pi)).max()
     others = []
-    for halts in (False, True) if first == 0 else ():
-        other = rival(arm, Q[:OTHERS], twists[:, :OTHERS], halts)
-        others += [other.done / other.asked, np.degrees(other.closest())]
-    near = np.degrees(flight.closest())
-    return np.array([flight.done, flight.asked, off, far, -near, excess]), others
+    if first == 0:
+        apart = np.abs(led.one_by_one(Q[0], memory[0], twists[:, 0]) - flight.Q[0]).max()
+        assert apart < 1e-9, f"{name}: {apart:g} rad off Servo.step"
+        over = [
+            told[i, j] - min(distance[i, j], searched(arm, flight.seen[i][j]))
+            for i in range(0, len(twists), round(1.0 / DT))
+            for j in range(min(m, OTHERS))
+        ]
+        others = [float(np.degrees(np.quantile(over, 0.95)))]
+        for halts in (False, True):
+            other = rival(arm, Q[:OTHERS], twists[:, :OTHERS], halts)
+            others += [other.done / other.asked, float(np.degrees(other.distances().min()))]
+    most = [-np.degrees(distance.min()), excess, np.degrees(late)]
+    return np.array([flight.done, flight.asked, off, (told > slow).sum()]), np.array(most), others
 
 
 if __name__ == "__main__":
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
-    print(f"{'':14}{'servo':>8}{'':>9}{'excess':>10}{'off':>10}{'damped':>9}{'':>9}{'halting':>9}")
+    print(
+        f"{'':14}{'servo':>6}{'nearest':>9}{'excess':>8}{'off':>9}{'too far':>8}{'':>7}"
+        f"{'damped':>9}{'':>8}{'halting':>9}"
+    )
     with ProcessPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         flown = {
             name: [pool.submit(batch, name, first, runs) for first in range(0, runs, TOGETHER)]
             for name in sys.argv[2:] or ARMS
         }
         for name, batches in flown.items():
-            sums, (others, *_) = zip(*(one.result() for one in batches), strict=True)
-            done, asked, off, far = np.sum(sums, axis=0)[:4]
-            near, excess = np.max(sums, axis=0)[4:] * (-1.0, 1.0)
-            words = [f"{done / asked:8.0%}{near:8.2f}°{excess:10.0e}{off / max(far, 1):10.4%}"]
-            words += [f"{others[i]:9.0%}{others[i + 1]:8.2f}°" for i in (0, 2)]
+            sums, most, (others, *_) = zip(*(one.result() for one in batches), strict=True)
+            done, asked, off, far = np.sum(sums, axis=0)
+            near_, excess, late = np.max(most, axis=0)
+            words = [f"{done / asked:6.0%}{-near_:8.2f}°{excess:8.0e}{off / max(far, 1):9.4%}"]
+            words += [f"{late:7.1f}°{others[0]:6.1f}°"]
+            words += [f"{others[i]:9.0%}{others[i + 1]:7.2f}°" for i in (1, 3)]
             print(f"{name:14}{''.join(words)}", flush=True)

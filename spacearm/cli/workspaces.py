@@ -122,9 +122,9 @@ def sweep_designs(
     floats, by the share of postures near a singular one. Ctrl-C keeps the designs done so far.
 
     Options:
-        vary (NAME=A[:B[:COUNT]]): A parameter and its values: base_mass (the inertia grows with
-            it), payload, mass:LINK [kg], length:LINK [m], base_inertia (a factor), mount_x,
-            mount_y, mount_z [m]; may be repeated.
+        vary (NAME=A[:B[:COUNT]]): A parameter and its values, A,B,C too: base_mass (the inertia
+            grows with it), payload, mass:LINK [kg], length:LINK [m], base_inertia (a factor),
+            mount_x, mount_y, mount_z [m]; may be repeated.
     """
     pairs = [text.partition("=") for text in vary]
     grid = {name: _values(name, values) for name, _, values in pairs}
@@ -194,14 +194,16 @@ class Designs(Described):
 def _values(name: str, text: str) -> Array:
     low, high, count = (*text.split(":"), "", "")[:3]
     try:
+        if "," in text:
+            return np.array([float(value) for value in text.split(",")])
         ends = float(low), float(high or low)
         number = int(count or (COUNT if high else 1))
     except ValueError:
         number = 0
     if number < 1 or text.count(":") > 2:
         raise sa.ConfigurationError(
-            f"--vary {name}={text}: give a number, LOW:HIGH or LOW:HIGH:COUNT, as in "
-            "base_inertia=1:20 or mount_x=0:0.8:5"
+            f"--vary {name}={text}: give numbers A,B,C, LOW:HIGH or LOW:HIGH:COUNT, as in "
+            "base_inertia=1,5,20 or mount_x=0:0.8:5"
         )
     return np.linspace(*ends, number)
 

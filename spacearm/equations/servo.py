@@ -13,9 +13,14 @@ of position and beyond `stop`. A change of direction that the accelerations do n
 with braking instead. Braking is always allowed by what held a tick before.
 
 The distance is that to singular postures that are followed from tick to tick: three, the nearest
-that are known, and two scouts that set out from the first-order estimate and at random, and take
-the place of the farthest when they come to rest nearer. So each of them is found, and the nearest
-of all is no farther. All angles x count in radians of each joint; see `model.joints.joint_scales`.
+that are known, and four scouts that set out from the first-order estimate and at random, and take
+the place of the farthest, or of one close by, when they come to rest nearer. So each of them is
+found, and the nearest of all is no farther. Each goes towards the point nearest to the arm's
+posture on the set linearised at itself. Where the set bends more than the sphere about the posture,
+whole steps would lead ever farther away, so that each takes the share of its way by which the last
+two ways would have become least: Barzilai & Borwein, IMA J. Numer. Anal. 8(1), 141-148 (1988), DOI
+10.1093/imanum/8.1.141. All angles x count in radians of each joint; see
+`model.joints.joint_scales`.
 """
 
 from __future__ import annotations
@@ -40,17 +45,22 @@ from spacearm.equations.measures import distance
 
 Frame = Literal["inertial", "spacecraft", "tip"]
 """Axes in which the twist is given."""
-KEPT, SCOUTS = 3, 2
+KEPT, SCOUTS = 3, 4
 """Singular postures that are followed, and those that look for nearer ones."""
 SLOTS = KEPT + SCOUTS
-PATIENCE, SEARCH = 12, 60
+PATIENCE, SEARCH = 24, 60
 """Ticks until a scout sets out again, and until motion begins after nothing was known."""
-ON, OFF, AT_REST, APART, STRIDE, ALONG = 0.01, 0.1, 0.05, 0.05, 0.4, 0.7
-"""Residual up to which a scout is on the set, beyond which a posture that is followed has lost it,
-step below which a scout is at rest, distance below which two are one, longest step [rad]; share of
-the way along the set that each tick takes."""
+LOST, AT_REST, APART, STRIDE = 0.1, 0.02, 0.05, 0.4
+"""Residual beyond which a posture is not on the set, way below which a scout is at rest, distance
+below which two are one, longest step [rad]."""
+SHARE, LEAST, SMOOTH = 0.7, 0.02, 1e-5
+"""Share of the way that the first step takes, and the least; square of the changes of a way below
+which the share is that of the first [rad^2]."""
+NEARER = 0.99
+"""Share of the distance of one that a scout must be nearer than to be followed instead."""
 BEYOND, WITHIN = 1.2, 1.5
-"""Scouts set out within this times the distance, and no farther than that [rad]."""
+"""Scouts set out within this times the distance, `stop` or `slow` if that is more, and no farther
+than that [rad]."""
 EDGE, MARGIN = 0.02, 0.01
 """Shares of `stop` beyond it where rates towards the set end, and before which an arm can stop."""
 OUTWARD = 0.1
@@ -131,6 +141,8 @@ class Memory(NamedTuple):
         q: (n,) the last joint positions [rad] or [m].
         dt: The last time of a tick [s].
         points: (SLOTS, n) singular postures that are followed, and scouts, in radians.
+        ways: (SLOTS, n) where the last step of each led to, in radians.
+        shares: (SLOTS,) share of the way that it took.
         ages: (SLOTS,) ticks since each set out; of those that are followed 0.
         count: Ticks since the search began; negative where nothing is known.
     """
@@ -140,6 +152,8 @@ class Memory(NamedTuple):
     q: Any
     dt: Any
     points: Any
+    ways: Any
+    shares: Any
     ages: Any
     count: Any
 
@@ -176,15 +190,17 @@ class Followed(NamedTuple):
 
     Attributes:
         point: (n,) where it goes [rad].
-        offset: (n,) of the nearest point of the set linearised there, from the arm's posture.
+        way: (n,) to the nearest point of the set linearised where it was.
+        share: Share of it that it takes.
+        offset: (n,) of that point from the arm's posture.
         far: Residual: its own distance from the set.
-        way: Length of the step that it would take.
     """
 
     point: Any
+    way: Any
+    share: Any
     offset: Any
     far: Any
-    way: Any
 
 
 def shapes(kind: Any, n: int, tips: int) -> dict[str, tuple[int, ...]]:
@@ -193,7 +209,8 @@ def shapes(kind: Any, n: int, tips: int) -> dict[str, tuple[int, ...]]:
                "closing", "done", "halt")  # fmt: skip
     known: dict[str, tuple[int, ...]] = dict.fromkeys(numbers, ())
     known |= {"quaternion": (4,), "momentum": (6,), "twist": (6 * tips,), "lost": (6 * tips,)}
-    known |= {"points": (SLOTS, n), "ages": (SLOTS,), "shares": (len(CAUSES),)}
+    known |= dict.fromkeys(("points", "ways"), (SLOTS, n)) | {"ages": (SLOTS,)}
+    known["shares"] = (SLOTS,) if kind is Memory else (len(CAUSES),)
     return {name: known.get(name, (n,)) for name in kind._fields}
 
 
@@ -230,10 +247,15 @@ def flat_step(
     return packed((*tick, *memory), xp)
 
 
-def unknowing(n: int, q: Any) -> Memory:
-    """Return the memory of a servo at rest at q (n,) that knows no singular posture."""
-    zero = np.zeros(n)
-    return Memory(zero, zero, q, 0.0, np.zeros((SLOTS, n)), np.full(SLOTS, 1.0 + PATIENCE), -1.0)
+def unknowing(n: int, q: Any, points: Any = ()) -> Memory:
+    """Return the memory of a servo at rest at q (n,) that knows singular points (m, n), m <= KEPT.
+
+    They are in radians. It searches before it moves.
+    """
+    zero, every, ages = np.zeros(n), np.zeros((SLOTS, n)), np.full(SLOTS, 1.0 + PATIENCE)
+    m = len(points)
+    every[:m], ages[:m] = np.reshape(points, (m, n)), 0.0
+    return Memory(zero, zero, q, 0.0, every, 0.0 * every, np.full(SLOTS, SHARE), ages, -1.0)
 
 
 def step(
@@ -286,7 +308,7 @@ def step(
     fresh = xp.logical_or(jumps, xp.logical_not(began))
     count = xp.where(fresh, 0.0, memory.count + 1.0)
     follow = _follower(xp, tree, p, x, limits.fading, radians)
-    known, points, ages = _follow(xp, follow, x, estimate, memory, fresh, count, limits.stop)
+    known, after = _follow(xp, follow, x, estimate, memory, fresh, count, limits)
     searching = count < SEARCH
     halt = xp.where(halt > 0.0, halt, xp.where(jumps, 6.0, xp.where(searching, 7.0, 0.0)))
 
@@ -325,92 +347,136 @@ def step(
         radians * rates, far, radians * (x + offset), radians * away, lost, -(away @ rates), done,
         xp.stack(told), halt,
     )  # fmt: skip
-    return tick_, Memory(tick_.rates, radians * y, q, tick, points, ages, count)
+    return tick_, after._replace(rates=tick_.rates, wished=radians * y, q=q, dt=tick)
 
 
 def _follower(xp: Any, tree: Structure, p: Parameters, x: Any, fading: Any, radians: Any) -> Any:
-    """Return a function that takes a posture (n,) a step along the set, towards x (n,)."""
+    """Return a function that takes a posture a step along the set, towards x (n,).
 
-    def follow(point: Any) -> tuple[Any, Any, Any, Any]:
+    It takes the posture (n,), the way of its last step (n,) and its share.
+    """
+
+    def follow(point: Any, last: Any, share: Any) -> tuple[Any, ...]:
         far, _, rows = distance(xp, tree, p, radians * point, fading, radians)
         X = point - x
-        along, first = rows @ X, xp.where(far < np.inf, far, 0.0) * np.eye(len(rows))[0]
-        offset = (along - first) @ rows
-        onto, aside = -first @ rows, along @ rows - X
-        way = onto + ALONG * aside
+        first = xp.where(far < np.inf, far, 0.0) * np.eye(len(rows))[0]
+        offset = (rows @ X - first) @ rows
+        way = offset - X
         size = _norm(xp, way)
-        short = xp.where(size > STRIDE, STRIDE / xp.where(size > 0.0, size, 1.0), 1.0)
         there = xp.logical_and(far < LARGEST, size < LARGEST)
+        went, change = share * _at_most(xp, _norm(xp, last), STRIDE) * last, way - last
+        least = (SMOOTH * SHARE - went @ change) / (SMOOTH + change @ change)
+        moved = xp.logical_and(there, (last * last).sum() > 0.0)
+        share = xp.where(moved, xp.minimum(xp.maximum(least, LEAST), 1.0), SHARE)
+        step = share * _at_most(xp, size, STRIDE) * way
         return (
-            xp.where(there, point + short * way, np.inf), offset, xp.where(there, far, np.inf),
-            _norm(xp, offset - X),
+            xp.where(there, point + step, np.inf), xp.where(there, way, 0.0), share,
+            xp.where(there, offset, 0.0), xp.where(there, far, np.inf),
         )  # fmt: skip
 
     called = xp.procedure(follow)
-    return lambda point: Followed(*called(point))
+    return lambda *begun: Followed(*called(*begun))
 
 
 def _follow(
-    xp: Any, follow: Any, x: Any, estimate: Any, memory: Memory, fresh: Any, count: Any, stop: Any
-) -> tuple[list[Followed], Any, Any]:
-    """Take a step with all postures that are followed; scouts set out, or take a place."""
-    found = [follow(memory.points[i]) for i in range(SLOTS)]
+    xp: Any,
+    follow: Any,
+    x: Any,
+    estimate: Any,
+    memory: Memory,
+    fresh: Any,
+    count: Any,
+    limits: Limits,
+) -> tuple[list[Followed], Memory]:
+    """Take a step with all postures that are followed; scouts set out, or take a place.
+
+    Returns:
+        Those that are followed, `far` their distance; the memory with all of them.
+    """
+    found = [follow(memory.points[i], memory.ways[i], memory.shares[i]) for i in range(SLOTS)]
     ages = [xp.where(fresh, 1.0 + PATIENCE, memory.ages[i]) for i in range(SLOTS)]
-    sizes = [_size(xp, found[i], ages[i], OFF if i < KEPT else ON) for i in range(SLOTS)]
-    kept = list(found[:KEPT])
-    for i in range(KEPT):  # two that have become one
-        same = [_distance(xp, kept[i].point, kept[j].point) < APART for j in range(i)]
-        for one in same:
-            sizes[i] = xp.where(one, np.inf, sizes[i])
+    sizes = [_size(xp, one, age) for one, age in zip(found, ages, strict=True)]
+    for i in range(KEPT):  # of two that have become one the nearer goes on
+        for j in range(i):
+            same = _distance(xp, found[i].point, found[j].point) < APART
+            nearer = sizes[i] < sizes[j]
+            gone = xp.logical_and(same, nearer), xp.logical_and(same, xp.logical_not(nearer))
+            sizes[j], sizes[i] = (
+                xp.where(one, np.inf, size)
+                for one, size in zip(gone, (sizes[j], sizes[i]), strict=True)
+            )
     nearest = _extreme(xp.minimum, sizes[:KEPT])
-    wide = xp.minimum(BEYOND * xp.maximum(nearest, stop), WITHIN)
+    starts = []
+    for i in range(SCOUTS):
+        least = limits.slow if i % 2 else limits.stop
+        wide = xp.minimum(BEYOND * xp.maximum(nearest, least), WITHIN) * sqrt(3.0 / len(x))
+        starts.append(x + wide * _chance(xp, SCOUTS * count + i, len(x)))
     hint = x - xp.where(estimate[0] < WITHIN, estimate[0], WITHIN) * estimate[2][0]
-    spread = np.array([_root(len(x)) ** -(j + 1.0) for j in range(len(x))]) * count
-    chance = x + wide * sqrt(3.0 / len(x)) * (2.0 * (spread - xp.floor(spread)) - 1.0)
-    points = [one.point for one in found]
-    for i, start in zip(range(KEPT, SLOTS), (hint, chance), strict=True):
+    starts[0] = xp.where(_rest(xp, count, 2.0) < 0.5, hint, starts[0])
+    for i, start in zip(range(KEPT, SLOTS), starts, strict=True):
         scout = found[i]
-        apart = sizes[i] < np.inf
-        for j in range(KEPT):
-            other = _distance(xp, scout.point, points[j]) > APART
-            apart = xp.logical_and(apart, xp.logical_or(other, xp.logical_not(sizes[j] < np.inf)))
-        rests = xp.logical_and(apart, scout.way < AT_REST)
-        worst, place = sizes[0], 0.0 * stop
+        rests = xp.logical_and(sizes[i] < np.inf, _norm(xp, scout.way) < AT_REST)
+        worst, place = sizes[0], 0.0 * limits.stop
         for j in range(1, KEPT):
             farther = sizes[j] > worst
             worst, place = xp.where(farther, sizes[j], worst), xp.where(farther, 1.0 * j, place)
+        for j in range(KEPT):  # or that of one nearby
+            close = _distance(xp, scout.point, found[j].point) < APART
+            close = xp.logical_and(sizes[j] < np.inf, close)
+            worst = xp.where(close, NEARER * sizes[j], worst)
+            place = xp.where(close, 1.0 * j, place)
         takes = xp.logical_and(rests, sizes[i] < worst)
         for j in range(KEPT):
             mine = xp.logical_and(takes, xp.absolute(place - j) < 0.5)
-            points[j] = xp.where(mine, scout.point, points[j])
-            kept[j] = Followed(*(xp.where(mine, a, b) for a, b in zip(scout, kept[j], strict=True)))
+            found[j] = _either(xp, mine, scout, found[j])
             sizes[j], ages[j] = xp.where(mine, sizes[i], sizes[j]), xp.where(mine, 0.0, ages[j])
         on_the_way = xp.logical_and(ages[i] < PATIENCE, scout.far < np.inf)
-        goes = xp.logical_and(on_the_way, xp.logical_not(takes))
-        points[i] = xp.where(goes, scout.point, start)
+        goes = xp.logical_and(on_the_way, xp.logical_not(rests))
+        found[i] = _either(xp, goes, scout, scout._replace(point=start, way=0.0 * x, share=SHARE))
         ages[i] = xp.where(goes, ages[i] + 1.0, 0.0)
     known = []
     for j in range(KEPT):
         there = sizes[j] < np.inf
-        offset = xp.where(there, kept[j].offset, 0.0)
-        known.append(kept[j]._replace(offset=offset, far=xp.where(there, sizes[j], np.inf)))
+        offset = xp.where(there, found[j].offset, 0.0)
+        known.append(found[j]._replace(offset=offset, far=xp.where(there, sizes[j], np.inf)))
         ages[j] = xp.where(there, 0.0, 1.0 + PATIENCE)
-        points[j] = xp.where(kept[j].far < np.inf, points[j], x)
-    return known, xp.stack(points), xp.stack(ages)
+        lost = found[j]._replace(point=x)
+        found[j] = _either(xp, found[j].far < np.inf, found[j], lost)
+    points, ways, shares = (
+        xp.stack([getattr(one, name) for one in found]) for name in ("point", "way", "share")
+    )
+    after = memory._replace(points=points, ways=ways, shares=shares)
+    return known, after._replace(ages=xp.stack(ages), count=count)
 
 
-def _size(xp: Any, one: Followed, age: Any, residual: float) -> Any:
+def _either(xp: Any, mask: Any, one: Followed, other: Followed) -> Followed:
+    """Return one where the mask holds, else the other."""
+    return Followed(*(xp.where(mask, a, b) for a, b in zip(one, other, strict=True)))
+
+
+def _size(xp: Any, one: Followed, age: Any) -> Any:
     """Return how far a posture on the set is, inf of one that is not on it or not in use."""
-    on = xp.logical_and(one.far < residual, age < 1.0 + PATIENCE)
+    on = xp.logical_and(one.far < LOST, age < 1.0 + PATIENCE)
     return xp.where(on, _norm(xp, one.offset), np.inf)
 
 
-def _root(n: int) -> float:
-    """Return the root of z^(n + 1) = z + 1, whose powers spread points evenly (Roberts, 2018)."""
+def _chance(xp: Any, number: Any, n: int) -> Any:
+    """Return numbers (n,) between -1 and 1, spread evenly over all of them.
+
+    The squares of the numbers times powers of the root of z^(n + 1) = z + 1 (Roberts, 2018), which
+    stay even where every tenth is taken, say; whole multiples of 2^-20, so that they are exact.
+    """
     z = 2.0
     for _ in range(60):
         z = (1.0 + z) ** (1.0 / (n + 1))
-    return z
+    steps = np.array([round(z ** -(j + 1.0) * 2**20) / 2**20 for j in range(n)])
+    number = _rest(xp, number, 4096.0)
+    return 2.0 * _rest(xp, number * number * steps, 1.0) - 1.0
+
+
+def _rest(xp: Any, x: Any, size: float) -> Any:
+    """Return what is left of x by whole multiples of a power of two."""
+    return x - size * xp.floor(x / size)
 
 
 def _nearest(xp: Any, known: list[Followed]) -> tuple[Any, Any]:
@@ -570,7 +636,7 @@ def _accelerated(xp: Any, y: Any, last: Any, dt: Any, limits: Limits) -> tuple[A
     least = xp.where(moves, xp.minimum(*ends), xp.where(rests, 0.0, LARGEST))
     low = xp.maximum(_extreme(xp.maximum, least), 0.0)
     high = _extreme(xp.minimum, xp.where(moves, xp.maximum(*ends), LARGEST))
-    along = low <= high
+    along = xp.logical_and(low <= high, low < LARGEST)
     share = xp.where(along, xp.minimum(xp.maximum(low, 1.0), high), 0.0)
     left = xp.maximum(most - xp.where(change > 0.0, brake - last, last - brake), 0.0)
     by = _extreme(xp.minimum, _at_most(xp, xp.absolute(change), left))

@@ -58,8 +58,9 @@ class ServoStep(Result):
     Attributes:
         arm: The arm.
         rates: (n,) joint rates [rad/s] or [m/s] until the next step.
-        distance: How far the nearest singular posture is that the servo follows [rad]: found, the
-            nearest of all is no farther; inf if it knows none.
+        distance: How far the nearest singular posture is that the servo follows [rad]: found at
+            most, the nearest of all is no farther, but for the last step along the set; inf if it
+            knows none.
         distance_proven: None is nearer than this [rad], proven when the servo was started, less the
             way since then; zero where nothing is proven.
         nearest: (n,) that singular posture.
@@ -140,7 +141,7 @@ class Servo:
     The distance is that to the nearest of the singular postures that the servo has found and
     follows from step to step; `start` searches them as `SingularSet.nearest` does, and scouts look
     for nearer ones at each step. That none is missed is tested, and not proven, but within
-    `ServoStep.distance_proven`.
+    `ServoStep.distance_proven`. Far from the set a nearer one may be missed for a while.
 
     The theory: control barrier functions, Ames, Xu, Grizzle & Tabuada, IEEE Trans. Autom. Control
     62(8), 3861-3876 (2017), DOI 10.1109/TAC.2016.2638961; damping of the vanishing direction alone,
@@ -281,14 +282,11 @@ class Servo:
             raise ConfigurationError(
                 f"the posture is of {cfg.arm.name}, the servo of {self.arm.name}"
             )
-        unit, n = joint_scales(self.arm), self.arm.n
+        unit = joint_scales(self.arm)
         search = NearestSearch(self.arm, self.mode, cfg.q[None])
-        points, found = np.zeros((ticks.SLOTS, n)), search.ends()[: ticks.KEPT]
-        ages = np.full(ticks.SLOTS, 1.0 + ticks.PATIENCE)
-        points[: len(found)], ages[: len(found)] = cfg.q / unit + found, 0.0
-        self.memory = Memory(
-            np.zeros(n), np.zeros(n), cfg.q, 0.0, points, ages, float(ticks.SEARCH)
-        )
+        found = search.ends()[: ticks.KEPT]
+        self.memory = ticks.unknowing(self.arm.n, cfg.q, cfg.q / unit + found)
+        self.memory = self.memory._replace(count=float(ticks.SEARCH))
         self._anchor, self._radius = cfg.q / unit, 0.0
         if prove and len(found):
             proven = singular_set(self.arm, mode=self.mode).nearest(cfg.q).distance_proven

@@ -7,8 +7,9 @@ from helpers.arms import joint, link, load_text, planar_pair, robot
 import spacearm as sa
 from spacearm.compiler import numbers
 from spacearm.equations import servo as ticks
+from spacearm.equations.servo import packed
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
-from spacearm.singularities.nearest import distances_found
+from spacearm.singularities.nearest import NearestSearch, distances_found
 
 DT = 0.01
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
@@ -162,6 +163,34 @@ def test_no_run_comes_nearer_than_stop_or_beyond_a_limit(name, count):
     assert (np.abs(np.diff(rates, axis=0, prepend=0.0)) <= push * DT + rounding).all()
     assert (np.minimum(arm.lower, q) - Q <= rounding).all()
     assert (Q - np.maximum(arm.upper, q) <= rounding).all()
+
+
+@SLOW
+def test_what_is_told_at_rest_is_what_a_search_finds():
+    """Of an arm whose set has folds and branches; all postures are told of side by side."""
+    arm, m, rng = sa.load("chaser7"), 240, np.random.default_rng(15)
+    servo, tick = sa.Servo(arm), ticks.size(ticks.Tick, arm.n, 1)
+    Q, rest = rng.uniform(-2.0, 2.0, (m, arm.n)), np.zeros((m, 6))
+    memory = np.array([packed(ticks.unknowing(arm.n, q)) for q in Q])
+    seen = np.concatenate((Q, np.tile(LEVEL, (m, 1)), rest, np.full((m, 1), DT), rest), axis=1)
+    for _ in range(ticks.SEARCH + 1):
+        found = servo._kernel({"given": np.concatenate((seen, memory), axis=1)}, servo._numbers)
+        memory = found[:, tick:]
+    ends = [NearestSearch(arm, "free-floating", q[None]).nearest() for q in Q]
+    error = found[:, arm.n] - np.linalg.norm(ends, axis=1)
+    assert (error > np.radians(1.0)).mean() < 0.06
+    assert (error < -np.radians(1.0)).mean() < 0.03
+
+
+def test_an_arm_whose_stick_is_let_go_brakes_within_its_accelerations():
+    arm, push = sa.load("planar2"), 1.5
+    servo = sa.Servo(arm, rates=1.0, accelerations=push)
+    q = away_from_the_set(servo, 13)
+    wish = smooth_twists(14, 6)
+    _, rates = flown(servo, q, lambda i: wish(i) if i < 100 else np.zeros(6), 300)
+    assert np.abs(rates[99]).max() > 4.0 * push * DT
+    assert (np.abs(np.diff(rates, axis=0)) <= push * DT + 1e-9).all()
+    assert not rates[-1].any()
 
 
 def pushed(servo, cfg, count=1500, speed=0.3):
