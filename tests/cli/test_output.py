@@ -39,7 +39,7 @@ def strings(data):
 COMMANDS = {
     "map": ("--points", "5"),
     "workspace": ("--effort", "20"),
-    "design": ("--vary", "base_inertia=1:2:2", "--effort", "20"),
+    "design": ("--vary", "base_inertia=1,2", "--effort", "20"),
     "simulate": ("0.3", "0.9", "--target", "0.3", "0.8", "--controller", "JointPD",
                  "--duration", "0.1"),
     "plan": ("0.3", "0.9", "--goal", "0.8", "0.8", "--with", "search.timeout=5"),
