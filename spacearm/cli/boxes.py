@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +14,7 @@ from spacearm.arrays import Array
 from spacearm.cli import options as opt
 from spacearm.cli.output import Answer, kept, working
 from spacearm.files import write
+from spacearm.model.arguments import FLOATING
 from spacearm.results import Description, Table, joint_measures
 from spacearm.singularities.box_graph import MOST, SHARE
 
@@ -21,6 +25,7 @@ def find_box(
     q: opt.JointValues = None,
     motion: Path | None = None,
     widest: list[str] | None = None,
+    uncertain: list[str] | None = None,
     at_least: float | None = None,
     clearance: float = 0.0,
     no_limits: opt.NoLimits = False,
@@ -36,6 +41,9 @@ def find_box(
     Options:
         motion: A saved motion.
         widest (JOINT): Joint whose range grows first; may be repeated.
+        uncertain (LINK[:KIND]=SPREAD): Hold for all masses of a link, as a share up or down or from
+            one to another [kg]; likewise its inertia, of which the bounds are factors, and com, up
+            or down each axis [m]; may be repeated.
         at_least: Width that all ranges must have [rad], with --deg in degrees.
         clearance: Least distance from any posture in the ranges to a singular one [rad], with --deg
             in degrees.
@@ -45,14 +53,17 @@ def find_box(
     if motion is not None and q:
         raise sa.ConfigurationError("joint values and --motion are both given; give one of them")
     about = opt.configuration(arm, q, None, deg) if motion is None else sa.Motion.load(motion, arm)
+    find: Callable[..., sa.FreeBox] = partial(sa.free_box, about, mode=mode)
+    if uncertain:
+        if mode != FLOATING:
+            raise sa.ConfigurationError("--uncertain is for a floating arm; leave out --mode")
+        find = partial(sa.free_box_for_all, _uncertain(arm, uncertain), about)
     with working("proving") as progress:
-        box = sa.free_box(
-            about,
+        box = find(
             joints=widest or (),
             at_least=opt.radians(at_least, deg, None),
             within=_everywhere(arm) if no_limits else None,
             clearance=opt.radians(clearance, deg, 0.0),
-            mode=mode,
             progress=progress,
         )
     written = [box.save(save)] if save else []
@@ -117,6 +128,19 @@ def cover_by_boxes(
         lines = [",".join(map(repr, row)) for row in rows.tolist()]
         written.append(write(way, "\n".join([head, *lines, ""]).encode()))
     return Answer(found, code, told={"way": rows.tolist()}, written=written, more=[said])
+
+
+def _uncertain(arm: sa.SpaceArm, texts: list[str]) -> sa.UncertainArm:
+    """Return the arm whose links have the spreads LINK[:KIND]=SPREAD."""
+    spread: dict[str, dict[str, Any]] = {}
+    for text in texts:
+        what, sign, value = text.rpartition("=")
+        if not sign:
+            raise sa.ConfigurationError(f"--uncertain {text!r}: give LINK[:KIND]=SPREAD")
+        link, _, kind = what.partition(":")
+        bounds = opt.numbers(f"--uncertain {text!r}: SPREAD", value).tolist()
+        spread.setdefault(link, {})[kind or "mass"] = bounds if len(bounds) > 1 else bounds[0]
+    return sa.uncertain(arm, spread)
 
 
 def _everywhere(arm: sa.SpaceArm) -> tuple[Array, Array]:

@@ -25,6 +25,17 @@ def test_the_box_of_a_posture_is_that_of_python(tmp_path):
     np.testing.assert_allclose(sa.load(tmp_path / "limited.urdf").upper, box.upper, atol=1e-12)
 
 
+def test_the_box_for_all_masses_is_in_that_of_the_arm_described():
+    words = ("--deg", 20, 60, "--uncertain", "link_1=0.1", "--no-limits", "--json")
+    run = spacearm("box", "planar2", *words)
+    assert run.returncode == 0, run.stderr
+    told, box = json.loads(run.stdout), sa.free_box(sa.load("planar2").at(np.radians([20, 60])))
+    assert told["uncertain"] == {"mass of link_1": pytest.approx([3.6, 4.4])}
+    slack = 0.01 * (box.upper - box.lower)[1]
+    assert box.lower[1] - slack < told["lower"][1] < np.radians(60) < told["upper"][1]
+    assert told["upper"][1] < box.upper[1] + slack
+
+
 def test_the_box_of_a_motion_holds_it(tmp_path):
     arm = sa.load("planar2")
     motion = sa.follow(arm.at([0.3, 1.2]), [arm.at([0.5, 1.5]).tip])
@@ -43,6 +54,9 @@ def test_the_box_of_a_motion_holds_it(tmp_path):
         (("0.3", "1.2", "--motion", "run.npz"), "give one of them"),
         (("0.3", "1.2", "--at-least", "3.1"), "asked for"),
         (("0.3", "1.2", "--widest", "elbow"), "elbow"),
+        (("0.3", "1.2", "--uncertain", "link_1"), "LINK[:KIND]=SPREAD"),
+        (("0.3", "1.2", "--uncertain", "link_9=0.1"), "link_9"),
+        (("0.3", "1.2", "--uncertain", "link_1=0.1", "--mode", "fixed"), "leave out --mode"),
     ],
 )
 def test_what_makes_no_sense_is_said(words, said):
