@@ -80,4 +80,4 @@ def write_model(
     path = arm.to_urdf(output)
     for note in arm.notes:
         out.print(f"note: {note}")
-    out.print(f"{path}: {arm.name}, {arm.n} joints, {arm.mass:.6g} kg, tip {arm.tip}")
+    out.print(f"{path}: {arm.name}, {arm.n} joints, {arm.mass:.6g} kg, tip {', '.join(arm.tips)}")

@@ -192,7 +192,10 @@ class SpaceArm(JointSpace, Described):
     @property
     def mount(self) -> pin.SE3:
         """Pose of the first joint on the way to the tip, in the spacecraft frame."""
-        name = self.tree.movable(self.tip)[0].name
+        return self._mount(self.tip)
+
+    def _mount(self, tip: str) -> pin.SE3:
+        name = self.tree.movable(tip)[0].name
         return self.model.jointPlacements[self.model.getJointId(name)].copy()
 
     def at(
@@ -389,15 +392,20 @@ class SpaceArm(JointSpace, Described):
 
     def describe(self) -> Description:
         """Describe tip, task, bodies, joints with limits, what is held and what was assumed."""
-        task = self.task.names
+        task, several = self.task.names, len(self.tips) > 1
         if self.task.mixed:
             task += f", linear rows divided by {self.task.length:.6g} m"
         facts: dict[str, Cell] = {
             "file": str(self.path),
-            "tips" if len(self.tips) > 1 else "tip": f"{', '.join(self.tips)} ({self.tip_reason}); "
+            "tips" if several else "tip": f"{', '.join(self.tips)} ({self.tip_reason}); "
             "another one: tip=LINK",
             "task": task,
-            "first joint, spacecraft frame": Measure(self.mount.translation, "m"),
+            **{
+                f"first joint{f' to {tip}' * several}, spacecraft frame": Measure(
+                    self._mount(tip).translation, "m"
+                )
+                for tip in self.tips
+            },
             "system CM at q = 0, spacecraft frame": Measure(self.at(np.zeros(self.n)).com, "m"),
         }
         lumps = [

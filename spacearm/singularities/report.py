@@ -241,8 +241,10 @@ class SingularityReport(Result):
         return facts
 
     def _directions(self) -> Table:
-        """Return the directions of the tip with their singular values."""
-        task, unit = self.configuration.arm.task, self.configuration.arm.sigma_unit
+        """Return the directions of the tip, or the tips, with their singular values."""
+        arm = self.configuration.arm
+        unit, tips = arm.sigma_unit, arm.tips if len(arm.tips) > 1 else ()
+        names = [f"{tip}: {row}" for tip in tips for row in arm.task.rows] or arm.task.rows
         axes = "inertial" if np.allclose(self.axes, np.eye(3)) else "task"
         directions = np.hstack((self.available, self.lost)).T
         rows = [
@@ -250,7 +252,7 @@ class SingularityReport(Result):
             for i, direction in enumerate(directions)
         ]
         columns: list[Column | str] = ["", Column("sigma", unit, ".4g")]
-        columns += [Column(row, "", ".4g") for row in task.rows]
+        columns += [Column(name, "", ".4g") for name in names]
         return Table(columns, rows, f"Directions, {axes} axes")
 
 

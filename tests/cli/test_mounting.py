@@ -198,3 +198,28 @@ def test_density_and_notes(tmp_path):
         "note: density 1000 kg/m^3 gives mass and inertia from shapes: 'arm' 10 kg" in told.stdout
     )
     assert answer("info", path, "--density", "1000")["mass"] == pytest.approx(60.0)
+
+
+def test_an_arm_with_two_tips_is_described_asked_and_written(tmp_path):
+    """As the question which of two links is the tip offers it."""
+    path, sides = tmp_path / "two.urdf", ("left", "right")
+    parts = [link("bus", 50.0)]
+    for k, side in enumerate(sides):
+        parts += [link(f"{side}_1"), link(side)]
+        parts += [joint(f"{side}_a", "bus", f"{side}_1", xyz=(0.1, k - 0.5, 0))]
+        parts += [joint(f"{side}_b", f"{side}_1", side, axis=(0, 1, 0))]
+    path.write_text(robot(*parts))
+    both = ("--tip", "left,right")
+    asked = "choose one with --tip left, or several with --tip left,right"
+    assert asked in spacearm("info", path).stderr
+    said = spacearm("info", path, *both).stdout
+    for k, side in enumerate(sides):
+        assert f"first joint to {side}, spacecraft frame" in said
+        mount = sa.load(path, tip=side).mount.translation
+        np.testing.assert_allclose(mount, (0.1, k - 0.5, 0), rtol=0.0, atol=1e-15)
+    said = spacearm("query", path, *both, "--deg", "10", "20", "30", "40").stdout
+    assert "left: x" in said
+    assert "right: z" in said
+    run = spacearm("mount", path, *both, "-o", tmp_path / "out.urdf")
+    assert "tip left, right" in run.stdout, run.stderr
+    assert sa.load(tmp_path / "out.urdf").tips == sides
