@@ -137,22 +137,21 @@ def hold_target(
         target (TOML): What is held, and roughly where, by the names of sa.Target, as of spacearm
             catch; without it the fixed world is held, such as handrails of a station.
         grasp (TIP=FRAME|TIP=X,Y,Z[,R,P,Y]): What a tip holds: a grapple frame of the target, or a
-            pose in its frame, of the fixed world in the inertial frame; once for each tip.
+            pose in its frame, of the fixed world in the inertial frame; once for each tip. Not
+            needed of a robot whose file closes a chain, or --tip LINK=LINK.
         fixed: Keep the target where it is; of the fixed world, keep the spacecraft.
         first_order: Estimate the distance only: do not find the nearest singular posture.
         save (TOML): Write the posture, which commands take in place of joint values.
     """
     given = {tip: frame for tip, _, frame in (text.partition("=") for text in grasp or [])}
-    if not given:
-        raise sa.ConfigurationError("there are no grasps; give --grasp TIP=FRAME for each tip")
-    if set(arm.tips) != set(given):
+    if given and set(arm.tips) != set(given):
         arm = arm.replace(tip=list(given))
     asked = question(more, "start", "seed")
     start = start_of(arm, asked, q, attitude, deg)
     held = sa.hold(
         start,
         None if target is None else target_of(target),
-        {tip: _grasp(tip, frame, deg) for tip, frame in given.items()},
+        {tip: _grasp(tip, frame, deg) for tip, frame in given.items()} or None,
         fixed=fixed,
         limits=not no_limits,
         **asked.some("seed"),

@@ -160,7 +160,8 @@ def arm_from(
 
     Options:
         model (MODEL): Catalogue name (spacearm models) or robot file.
-        tip (LINK,LINK): Link whose frame is the tip, or several.
+        tip (LINK,LINK|LINK=LINK): Link whose frame is the tip, or several; LINK=LINK are two that
+            hold each other, a closed chain.
         task (ROWS[/LENGTH]): Rows: "x y rz", pose, position, orientation; then /LENGTH that the
             linear rows of a mixed task are divided by [m].
         joints (tip|all|NAME,NAME): Joints that count besides those on the way to the tip; the
@@ -193,14 +194,16 @@ def arm_from(
     scale = _number(length) if sign else None
     if rows:
         options["task"] = sa.Task(rows, scale)
-    tips = tip.split(",") if tip and "," in tip else tip
+    tips: Any = tip.split(",") if tip and "," in tip else tip
+    if tip and "=" in tip:
+        tips = dict(pair.split("=", 1) for pair in tip.split(",") if "=" in pair)
     if carrier is None:
         arm = sa.load(model, tip=tips, locked=locked, wheels=wheels, **options)
     elif model in models_by_name():
         raise sa.ConfigurationError(
             f"--bus mounts an arm alone, and {model} has a spacecraft; leave it out"
         )
-    elif isinstance(tips, list):
+    elif isinstance(tips, list | dict):
         raise sa.ConfigurationError("--tip names several links; an arm on a new bus has one tip")
     else:
         arm = sa.mount(model, carrier, at, tip=tips, locked=locked, **options)

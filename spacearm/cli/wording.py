@@ -25,7 +25,10 @@ OPTIONS: dict[str, str | Callable[[re.Match[str]], str]] = {
     r"tip=LINK": "--tip LINK",
     r"\btask='([^']+)'": r"--task '\1'",
     r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1/METRES",
+    r"\btip=\{NEW: '([^']*)'\}": r"--tip NEW=\1",
+    r"\bsa\.hold\(arm\.at\(q\)\)": "spacearm hold",
     r"\bfixed=False": "no --fixed",
+    r"grasps=\{tip: frame\}": "--grasp TIP=FRAME for each tip",
     r"\bdensity=(?!\w)": "--density RHO",
     r"boxes=sa\.free_boxes\(arm\)(, or those of a file)?": "--with search.boxes=FILE, as spacearm "
     "boxes --keep FILE has written it",

@@ -20,6 +20,7 @@ from spacearm.closure.carrying import Carrying
 from spacearm.closure.closing import Closure, placed
 from spacearm.closure.held_report import HeldReport, held_report
 from spacearm.closure.target_paths import FollowedTarget, Frame, follow_target
+from spacearm.description.loops import closed_chain
 from spacearm.errors import ConfigurationError, NoSolutionError, listed
 from spacearm.mechanics.target import Target
 from spacearm.model.arguments import FLOATING, BaseMode
@@ -219,8 +220,8 @@ class Held(Result):
 @checked
 def hold(
     start: Configuration,
-    target: Target | None,
-    grasps: Mapping[str, str | PoseLike],
+    target: Target | None = None,
+    grasps: Mapping[str, str | PoseLike] | None = None,
     *,
     fixed: bool = False,
     limits: bool = True,
@@ -238,7 +239,9 @@ def hold(
             world, such as handrails of a station.
         grasps: What each tip holds: the name of a grapple frame of the target, or a pose in the
             target's frame; of the fixed world a pose in the inertial frame. z points into what is
-            held, as the z axis of the hand does.
+            held, as the z axis of the hand does. Default, without a target: what the description
+            of the arm closes, which has an equality of MJCF, a joint of SDF that closes a loop, or
+            was loaded with two links that hold each other; see `load`.
         fixed: Whether the target stays where it is; of the fixed world whether the spacecraft
             does.
         limits: Whether the joints stay within their limits.
@@ -262,7 +265,10 @@ def hold(
         >>> held.report().kind
         'regular'
     """
-    arm, frames = _with_all_rows(start.arm), _frames(start.arm, target, grasps)
+    arm = _with_all_rows(start.arm)
+    if grasps is None:
+        target, grasps = _described(start, target)
+    frames = _frames(start.arm, target, grasps)
     start = replace(start, arm=arm)
     closure = Closure(arm, tuple(frames.values()), fixed, limits)
     where = start.base.actInv(pin.SE3.Identity() if target is None else target.pose)
@@ -290,6 +296,26 @@ def hold(
         f"{', or try limits=False' * limits}",
         best,
     )
+
+
+def _described(
+    start: Configuration, target: Target | None
+) -> tuple[Target | None, Mapping[str, pin.SE3]]:
+    """Return what the description of the arm holds, at the first tip, and its grasps."""
+    arm, chain = start.arm, closed_chain(start.arm.whole)
+    if target is not None or chain is None:
+        raise ConfigurationError(
+            f"there are no grasps, and {arm.name} describes no closed chain"
+            f"{' that holds a target' * (chain is not None)}; give grasps={{tip: frame}}"
+        )
+    if set(chain.tips) != set(arm.tips):
+        raise ConfigurationError(
+            f"the tips of {arm.name} are {listed(arm.tips)}, and {listed(chain.loops)} close the "
+            f"chain of {listed(chain.tips)}; load it without tip, or give grasps={{tip: frame}}"
+        )
+    if chain.held is None:
+        return None, chain.grasps
+    return Target(chain.held, start.tips[0] * chain.grasps[arm.tips[0]].inverse()), chain.grasps
 
 
 def _held(

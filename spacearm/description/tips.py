@@ -18,6 +18,7 @@ import numpy as np
 
 from spacearm.description import grippers
 from spacearm.description.grippers import fingers
+from spacearm.description.loops import closed_chain
 from spacearm.description.srdf import named_tips
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, listed, require_known
@@ -55,8 +56,11 @@ def choose_tips(tree: Tree, path: Path, tip: str | Sequence[str] | Tips | None) 
 
     Raises:
         ConfigurationError: No link is named, one twice, or one that cannot be a tip.
-        ModelError: Several links could be the tip.
+        ModelError: Several links could be the tip, or the loops of the description are not those
+            of several arms that hold one thing.
     """
+    if tip is None and (chain := closed_chain(tree, path)):
+        return Tips(chain.tips, f"they close a chain: {listed(chain.loops)}")
     if tip is None and not tree.tips:
         return _found(tree, path)
     if isinstance(tip, Tips):

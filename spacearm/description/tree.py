@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import count
 from numbers import Real
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,31 @@ LEAST_LENGTH = 1e-6
 """Length of a link up to which it has none [m]."""
 
 
+class Loop(NamedTuple):
+    """Two links that hold each other, by which a chain is closed.
+
+    Attributes:
+        name: What it is called.
+        link: A link of the tree.
+        other: Another link of the tree, the root of its cargo, or "" for the fixed world.
+        pose: Pose of `other` in the frame of `link` while they hold each other.
+        point: The point (3,) of `link` at which they do, as by a ball joint, which `pose` has at
+            rest; None if they are fixed to each other.
+    """
+
+    name: str
+    link: str
+    other: str
+    pose: pin.SE3
+    point: Array | None = None
+
+    def turned(self) -> Loop:
+        """Return the same loop with its links exchanged."""
+        there = self.pose.inverse()
+        point = None if self.point is None else there.act(self.point)
+        return Loop(self.name, self.other, self.link, there, point)
+
+
 @dataclass(frozen=True, eq=False)
 class Tree:
     """A kinematic tree with one root.
@@ -40,6 +65,8 @@ class Tree:
         marks: Links without mass that only mark a place, such as a site, or are between the joints
             in a row of one body. They can be tips, and are no leaves.
         notes: What was assumed, repaired or left out as it was read, a sentence each.
+        loops: Where closed chains are cut.
+        cargo: A body that floats by itself, which loops hold; usually none.
     """
 
     name: str
@@ -50,6 +77,8 @@ class Tree:
     tips: tuple[str, ...] = ()
     marks: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    loops: tuple[Loop, ...] = ()
+    cargo: Tree | None = None
 
     def depth_first(self) -> list[Joint]:
         """Return all joints, parents before children, siblings by name: Pinocchio's URDF order."""
@@ -133,6 +162,13 @@ class Tree:
             visuals={rename(name): shapes for name, shapes in self.visuals.items()},
             tips=tuple(map(rename, self.tips)),
             marks=tuple(map(rename, self.marks)),
+            loops=tuple(
+                loop._replace(
+                    link=rename(loop.link),
+                    other=rename(loop.other) if loop.other in self.links else loop.other,
+                )
+                for loop in self.loops
+            ),
         )
 
     def within(self, links: Collection[str]) -> Tree:
@@ -144,6 +180,11 @@ class Tree:
             visuals={name: shapes for name, shapes in self.visuals.items() if name in links},
             tips=tuple(tip for tip in self.tips if tip in links),
             marks=tuple(mark for mark in self.marks if mark in links),
+            loops=tuple(
+                loop
+                for loop in self.loops
+                if loop.link in links and (loop.other in links or loop.other not in self.links)
+            ),
         )
 
     def with_joints(self, *joints: Joint) -> Tree:
@@ -172,6 +213,8 @@ class Tree:
             joints={**self.joints, **added},
             visuals={**self.visuals, **other.visuals},
             marks=(*self.marks, *other.marks),
+            loops=(*self.loops, *other.loops),
+            cargo=self.cargo or other.cargo,
             notes=(*self.notes, *other.notes),
         )
 

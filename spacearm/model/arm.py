@@ -17,6 +17,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, finite, plain, read_only
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.grippers import held_fingers
+from spacearm.description.loops import open_loops, with_ball_joints
 from spacearm.description.model_catalogue import holding
 from spacearm.description.tips import Counting, Tips, choose_tips, hold, only_tip, remaining
 from spacearm.description.tree import Tree, Wheels, coupling, joint_limits
@@ -99,6 +100,7 @@ class SpaceArm(JointSpace, Described):
         """
         if not whole.freedoms:
             raise ModelError(f"{path}: no joint can move; an arm needs at least one free joint")
+        whole = with_ball_joints(whole, path) if tip is None else whole
         tips, reason = choose_tips(whole, path, tip)
         tree, held = hold(whole, tips, joints)
         if tree.freedoms > MOST_JOINTS:
@@ -139,7 +141,8 @@ class SpaceArm(JointSpace, Described):
     def notes(self) -> tuple[str, ...]:
         """What was assumed, repaired or left out as the model was read, a sentence each."""
         held = held_fingers(self.whole, self.tips, self.held)
-        return (*self.tree.notes, *held, *filter(None, [self.fault_of_task()]))
+        doubts = (self.fault_of_task(), open_loops(self.whole, self.tips))
+        return (*self.tree.notes, *held, *filter(None, doubts))
 
     def fault_of_task(self, free: int = 6) -> str:
         """Say why the task is impossible at every posture, and which would do; "" if it is not.
@@ -150,9 +153,9 @@ class SpaceArm(JointSpace, Described):
         return self.movable.fault(self.task, usual_task(self.tree, self.tips), free)
 
     def warned(self) -> SpaceArm:
-        """Return the arm, with a warning if its task is impossible."""
-        if fault := self.fault_of_task():
-            warn(f"{self.path}: {fault}")
+        """Return the arm, with a warning if its task is impossible or a loop is open."""
+        for doubt in filter(None, (self.fault_of_task(), open_loops(self.whole, self.tips))):
+            warn(f"{self.path}: {doubt}")
         return self
 
     @property

@@ -9,6 +9,7 @@ from pathlib import Path
 import pinocchio as pin
 
 from spacearm.description.bus import Bus
+from spacearm.description.loops import holding_each_other
 from spacearm.description.model_catalogue import assembled, bolted, find_model
 from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
@@ -25,7 +26,7 @@ from spacearm.signatures import checked
 def load(
     source: RobotSource,
     *,
-    tip: str | Sequence[str] | None = None,
+    tip: str | Sequence[str] | Mapping[str, str] | None = None,
     task: str | Task | None = None,
     joints: Counting = "tip",
     locked: Mapping[str, float] | None = None,
@@ -49,10 +50,12 @@ def load(
     Args:
         source: A name of the catalogue (see `catalogue`); the path of a URDF, .xacro, MJCF (.xml)
             or SDF; or a pin.Model or RobotWrapper, fixed base or free-flyer.
-        tip: Link whose frame is the tip, or several, whose task rows are then stacked. Default:
-            the links that the URDF names by <tip link>, else what an SRDF beside the file names,
-            else the frame with a name for tips (tool0, hand_tcp, ee_link, ...), else the hand, else
-            the last link before the fingers branch, on the arm with the most joints.
+        tip: Link whose frame is the tip, or several, whose task rows are then stacked. A mapping
+            of links to links says which hold each other, frame on frame: a closed chain, which
+            `hold` closes. Default: the links by which an MJCF or SDF closes a chain, else those
+            that the URDF names by <tip link>, else what an SRDF beside the file names, else the
+            frame with a name for tips (tool0, hand_tcp, ee_link, ...), else the hand, else the last
+            link before the fingers branch, on the arm with the most joints.
             `SpaceArm.tip_reason` says which it was.
         task: The twist rows that count, as "x y rz", "pose", "position", "orientation" or a
             `Task`. Default: for planar arms the rows of the plane ("x y", from 3 joints on with
@@ -94,12 +97,14 @@ def load(
     info = find_model(source)
     path = info.path if info else formats.path_of(source)
     reading = Reading.of(check or (info.check if info else None), packages, xacro_args, density)
+    pairs = tip if isinstance(tip, Mapping) else {}
+    tip = None if isinstance(tip, Mapping) else tip
     if info:
         tree = assembled(info, reading).locked(locked or {})
     else:
         tips = (tip,) if isinstance(tip, str) else tuple(tip or ())
         tree = formats.read(source, replace(reading, locked=locked or {}, tips=tips))
-    tree = tree.with_wheels(wheels)
+    tree = holding_each_other(tree, pairs).with_wheels(wheels)
     return SpaceArm.of(tree, path, tip=tip, task=task, joints=joints).warned()
 
 

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from helpers.arms import planar_pair
 from helpers.commands import answer, spacearm
 
 import spacearm as sa
@@ -69,7 +70,7 @@ def test_an_arm_holds_a_handrail(folder):
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        ((), "there are no grasps; give --grasp"),
+        ((), "dual_ur5 describes no closed chain; give --grasp TIP=FRAME for each tip"),
         (("--grasp", "lef=0,0,1"), "unknown link 'lef'"),
         (("--grasp", "left=1,2,x"), "'x' is no number"),
         (("--grasp", "left=1,2"), "give 3 finite numbers"),
@@ -81,3 +82,12 @@ def test_wrong_grasps_are_named(words, why):
     run = spacearm("hold", "dual_ur5", *START[:6], *words, "--json")
     assert run.returncode == 2
     assert re.search(why, run.stderr), run.stderr
+
+
+def test_links_that_hold_each_other_need_no_grasps(folder):
+    arm = planar_pair().to_urdf(folder / "pair.urdf")
+    words = ("hold", arm, 2.0, -1.2, 1.1, 1.2, "--tip", "left=right", "--no-limits", "--json")
+    run = spacearm(*words, "--save", "closed.toml", cwd=folder)
+    assert run.returncode == 0, run.stderr
+    assert "a chain is closed by left = right: spacearm hold keeps it" in run.stderr
+    assert set(json.loads(run.stdout)["grasps"]) == {"left", "right"}

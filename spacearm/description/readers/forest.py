@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,14 +11,16 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.grippers import PARALLEL, fingers
+from spacearm.description.loops import WORLD
 from spacearm.description.readers.source import Source
 from spacearm.description.shapes import Visuals
-from spacearm.description.tree import Tree, free_name
+from spacearm.description.tree import Loop, Tree, free_name
 from spacearm.errors import listed, unknown
 
 NEGLIGIBLE = 1e-5
 """Mass and inertia of links between slides and hinges of a base, over the largest of all links, up
 to which they are there because a format allows no links without mass."""
+HERE = pin.SE3.Identity()
 SAME_FRAME = 1e-15
 """Distance [m] and turn [rad] up to which two frames are one."""
 
@@ -31,6 +33,7 @@ class Forest:
         joints: Every joint, by name.
         visuals: Shapes of the links that have any, by name.
         marks: Links without mass that only mark a place or are between joints; see `Tree`.
+        loops: Links of any robot that hold each other; see `cut`.
     """
 
     def __init__(self) -> None:
@@ -38,6 +41,7 @@ class Forest:
         self.joints: dict[str, Joint] = {}
         self.visuals: dict[str, Visuals] = {}
         self.marks: list[str] = []
+        self.loops: list[Loop] = []
 
     def add(
         self, link: str, inertial: Inertial | None = None, shapes: Visuals | None = None
@@ -84,6 +88,85 @@ class Forest:
         if last is not None and (apart or not joints):
             self.fix(parent, child, last)
 
+    def cut(self) -> None:
+        """Cut loops: of the joints that lead to a link the one that is nearest to the root stays.
+
+        Each other one leads to a link of its own, without mass, where it holds that link.
+        """
+        roots = sorted(self.roots(), key=lambda root: -len(self.behind(root)))
+        after: dict[str, list[Joint]] = {}
+        for joint in self.joints.values():
+            after.setdefault(joint.parent, []).append(joint)
+        reached = set(roots)
+        for root in roots:
+            waiting = [root]
+            while waiting:
+                for joint in after.get(waiting.pop(0), ()):
+                    end = joint.child
+                    if end in reached:
+                        end = free_name(f"{end}_at_{joint.name}", self.links.__contains__)
+                        self.add(end)
+                        self.marks.append(end)
+                        self.joints[joint.name] = replace(joint, child=end)
+                        self.loops.append(Loop(self._moved_by(joint), end, joint.child, HERE))
+                    reached.add(end)
+                    waiting.append(end)
+
+    def _moved_by(self, joint: Joint) -> str:
+        """Return the name of a joint, or of the movable one in a row of which it is the end."""
+        into, last = {other.child: other for other in self.joints.values()}, joint
+        while not last.movable and last.parent in self.marks and last.parent in into:
+            last = into[last.parent]
+        return last.name if last.movable else joint.name
+
+    def anchored(self, world: str) -> dict[str, pin.SE3]:
+        """Return the links that are fixed to the world, with their poses in it."""
+        places = {world: pin.SE3.Identity()}
+        while more := {
+            joint.child: places[joint.parent] * joint.origin
+            for joint in self.joints.values()
+            if joint.kind == "fixed" and joint.parent in places and joint.child not in places
+        }:
+            places |= more
+        return places
+
+    def closed(self, source: Source, tree: Tree, anchored: Mapping[str, pin.SE3]) -> Tree:
+        """Return a robot with its loops, and the body that they hold if it floats by itself.
+
+        Args:
+            source: The file.
+            tree: The robot.
+            anchored: Links that are fixed to the world, with their poses in it.
+
+        Raises:
+            ModelError: The loops hold several bodies, or one whose joints move.
+        """
+        into = {joint.child: joint.parent for joint in self.joints.values()}
+        found, cargo = list[Loop](), None
+        for loop in self.loops:
+            loop = loop if loop.link in tree.links else loop.turned()
+            name, link, other, step, _ = loop
+            if link not in tree.links:
+                continue
+            if other not in tree.links and other in anchored:
+                step, other = step * anchored[other].inverse(), WORLD
+            elif other not in tree.links:
+                root = other
+                while root in into:
+                    root = into[root]
+                body = replace(self.tree(root, root), loops=())
+                if body.freedoms or (cargo and cargo.root != root):
+                    source.fail(
+                        f"{name!r} holds {root!r}, "
+                        + ("whose joints move" if body.freedoms else "and others another body"),
+                        "fix its joints, or lead them from the hands to it, not from it"
+                        if body.freedoms
+                        else "keep one of them",
+                    )
+                cargo, step, other = body, step * body.frames[other].inverse(), root
+            found.append(loop._replace(other=other, pose=step))
+        return replace(tree, loops=tuple(found), cargo=cargo)
+
     def check(self, source: Source) -> None:
         """Refuse loops.
 
@@ -99,7 +182,8 @@ class Forest:
                 one, other, *_ = (repr(joint.name) for joint in movers)
                 source.fail(
                     f"link {link!r} closes a loop: joints {one} and {other} both lead to it",
-                    "cut the loop at one of them",
+                    f"lead one of them to a new link at the place of {link!r}, and name the two as "
+                    f"tips that hold each other: tip={{NEW: {link!r}}}",
                 )
         reached = self.behind(*self.roots())
         if stray := [link for link in self.links if link not in reached]:
@@ -151,7 +235,8 @@ class Forest:
                 "name the tip of one with tip=LINK, keep one of them, or join them to one "
                 "spacecraft",
             )
-        if others := [tree.root for tree in trees[1:]]:
+        held = {end for loop in self.loops for end in loop[1:3]}
+        if others := [tree.root for tree in trees[1:] if held.isdisjoint(tree.links)]:
             source.warn(
                 f"{trees[0].root} is taken as the root of the robot; left out, as not fixed to "
                 f"it: {listed(others)}"

@@ -26,7 +26,7 @@ from spacearm.description.readers.forest import Forest, turns
 from spacearm.description.readers.mjcf_bounds import check_bounds
 from spacearm.description.readers.source import Source, apart
 from spacearm.description.srdf import HOME
-from spacearm.description.tree import Tree
+from spacearm.description.tree import Loop, Tree
 from spacearm.errors import ModelError
 
 if TYPE_CHECKING:
@@ -111,9 +111,12 @@ class _Reader:
             if body and name and not _draws_axis(name, {*sites, *self._bodies}):
                 place = pose_of(model.site_pos[i], model.site_quat[i])
                 forest.mark(name, self._bodies[body], place)
+        self._close(forest)
         name = self._spec.modelname
         name = self._source.path.stem if name == UNNAMED_MODEL else name
+        anchored = forest.anchored(self._bodies[0])
         tree = forest.robot(self._source, name, self._roots(forest))
+        tree = forest.closed(self._source, tree, anchored)
         return replace(tree, joints={n: self._coupled(j, tree) for n, j in tree.joints.items()})
 
     def _roots(self, forest: Forest) -> list[str]:
@@ -193,6 +196,40 @@ class _Reader:
         zero = float(model.qpos0[model.jnt_qposadr[i]])
         return [replace(joint, origin=origin * joint.motion(-zero)) if zero else joint]
 
+    def _close(self, forest: Forest) -> None:
+        """Add the loops that equalities close."""
+        import mujoco
+
+        model, seen = self._model, set[tuple[int, ...]]()
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        for i in range(model.neq):
+            points, given = model.eq_type[i] == mujoco.mjtEq.mjEQ_CONNECT, model.eq_data[i]
+            ends = (int(model.eq_obj1id[i]), int(model.eq_obj2id[i]))
+            if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
+                one, two = (pose_of(model.site_pos[site], model.site_quat[site]) for site in ends)
+                ends = (int(model.site_bodyid[ends[0]]), int(model.site_bodyid[ends[1]]))
+            elif points:
+                one, two = (pin.SE3(np.eye(3), given[k : k + 3].copy()) for k in (0, 3))
+            else:
+                two = pin.SE3(np.eye(3), given[:3].copy())
+                one = pose_of(given[3:6], given[6:10]) * two
+            points = points or given[10] == 0.0  # a weld without torque holds points
+            a, b = (self._bodies[end] for end in ends)
+            name = model.equality(i).name or f"{a} to {b}"
+            if tuple(sorted(ends)) in seen:
+                self._source.fail(
+                    f"two equalities hold {a!r} and {b!r}, of which {name!r} is one",
+                    "give one <weld>, or a joint and one <weld>",
+                )
+            seen.add(tuple(sorted(ends)))
+            step = one * two.inverse()
+            if points:
+                A, B = (data.xmat[end].reshape(3, 3) for end in ends)
+                step = pin.SE3(A.T @ B, one.translation - A.T @ B @ two.translation)
+            point = one.translation if points else None
+            forest.loops.append(Loop(name, a, b, step, point))
+
     def _coupled(self, joint: Joint, tree: Tree) -> Joint:
         """Return a joint, as one that follows another if an equality constraint says so."""
         if joint.name not in self._couplings:
@@ -223,9 +260,6 @@ def _couplings(source: Source, spec: mujoco.MjSpec) -> dict[str, tuple[str, floa
     """
     import mujoco
 
-    loops = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
-    if ends := [f"{t.name1} to {t.name2 or 'world'}" for t in spec.equalities if t.type in loops]:
-        source.warn(f"equalities that close a loop are left out, the loop open: {', '.join(ends)}")
     found: dict[str, tuple[str, float, float]] = {}
     curved: list[str] = []
     for tie in spec.equalities:
@@ -256,17 +290,21 @@ UNNAMED = ("keys", "pairs", "excludes", "tuples", "numerics", "texts", "textures
 
 def _leave_out(source: Source, spec: mujoco.MjSpec) -> None:
     """Delete what the arm does not have, and say what of it there was."""
+    import mujoco
+
     if found := ", ".join(kind for kind in LEFT_OUT if len(getattr(spec, kind, ()))):
         source.note(
-            f"left out, as a free-floating arm has none: {found} (equalities that tie one joint to "
-            "another are kept)"
+            f"left out, as a free-floating arm has none: {found} (active equalities that tie one "
+            "joint to another, or close a loop, are kept)"
         )
     for geom in spec.geoms:
         if geom.hfieldname:
             spec.delete(geom)
+    closing = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
     for kind in (*LEFT_OUT, *UNNAMED):
         for element in list(getattr(spec, kind, ())):
-            spec.delete(element)
+            if kind != "equalities" or not (element.active and element.type in closing):
+                spec.delete(element)
 
 
 def _draws_axis(site: str, names: set[str]) -> bool:

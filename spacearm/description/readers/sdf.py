@@ -88,7 +88,9 @@ class _Reader:
         for name, mark in self._contents.marks:
             carrier = self._contents.frames.link_of(name, mark)
             forest.mark(name, carrier, self._contents.frames.pose(name, carrier, mark))
+        forest.cut()
         forest.check(source)
+        anchored = forest.anchored(WORLD)
         held = [joint for joint in forest.joints.values() if joint.parent == WORLD]
         if not any(joint.movable for joint in held):
             for joint in held:
@@ -102,6 +104,7 @@ class _Reader:
                     "(sa.mount bolts the arm to another)"
                 )
         tree = forest.robot(source, self._contents.name, forest.roots())
+        tree = forest.closed(source, tree, anchored)
         return unprefixed(tree, self._source.reading.tips)
 
     def _shapes(self, link: str, scope: Scope, parent: etree._Element) -> tuple[Shape, ...]:
