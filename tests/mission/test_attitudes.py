@@ -67,7 +67,7 @@ def test_it_says_of_every_attitude_what_follow_says(ring):
     The least distance is that of the steps, which are at most 0.05 rad and finer near the margin.
     """
     tried = np.flatnonzero(np.isfinite(ring.q[:, 0]))
-    for i in np.random.default_rng(0).choice(tried, 5, replace=False):
+    for i in np.random.default_rng(0).choice(tried, 3, replace=False):
         run = ring.motion(i)
         assert run.arrived == (ring.ended[i] == 0)
         assert run.s[-1] == pytest.approx(ring.s[i], abs=2e-3)
