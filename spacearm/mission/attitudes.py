@@ -211,9 +211,14 @@ class FeasibleAttitudes(Result):
             i: Number of the attitude; the best if None.
 
         Raises:
-            UnsupportedError: There is momentum, with which `sa.follow` cannot deal.
+            UnsupportedError: There is momentum, with which the spacecraft turns with time.
             NoSolutionError: There is no posture with the tip there.
         """
+        if self.momentum.any():
+            raise UnsupportedError(
+                "motions along the path at constant speed are of zero momentum; "
+                "sa.follow(attitudes.start(i), path, times=...) leads the tip with momentum"
+            )
         length = self.length if callable(self.path) else None
         return follow(self.start(i), self.path, length=length, speed=self.speed, limits=self.limits)
 

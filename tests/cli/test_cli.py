@@ -203,7 +203,7 @@ def test_locks_and_lengths_count_when_the_arm_is_loaded(tmp_path):
 
 
 def test_help_keeps_its_units():
-    assert "[rad] or [m]" in spacearm("query", "--help").stdout
+    assert "Joint values [rad], with --deg in degrees" in spacearm("query", "--help").stdout
 
 
 def test_the_body_is_named_by_its_mass_not_by_a_massless_root(tmp_path):
