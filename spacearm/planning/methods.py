@@ -326,4 +326,4 @@ METHODS: dict[str, Callable[[Problem], Rows]] = {
     "tree": by_tree,
 }
 """In the order in which "auto" tries them, "boxes" only where some are given; with obstacles "tree"
-after "straight"."""
+after "straight", where contacts stop most ways before "roadmap"."""

@@ -8,6 +8,8 @@ import pytest
 
 import spacearm as sa
 from spacearm.planning.account import SearchAccount, TimeUpError
+from spacearm.planning.methods import METHODS
+from spacearm.planning.strategies.at_rest import _in_rounds
 
 
 def test_the_account_names_the_constraint_that_stops_most_and_what_to_relax():
@@ -21,6 +23,22 @@ def test_the_account_names_the_constraint_that_stops_most_and_what_to_relax():
         "do not arrive, 20 leave the joint limits, 3 are in collision; most often (3x) 'l4' meets "
         "'hull'. To relax: limits=False ignores the joint limits"
     )
+
+
+@pytest.mark.parametrize(
+    ("ways", "first"),
+    [({"contact": 9, "limits": 2}, "tree"), ({"contact": 9, "singular": 20}, "roadmap")],
+)
+def test_a_tree_comes_before_loops_where_contacts_stop_most_ways(ways, first):
+    search, tried = SearchAccount(1.0), []
+    for name in _in_rounds(METHODS, "auto", search):
+        tried.append(name)
+        if name == "joint space":
+            search.ways.update(ways)
+        if search.rounds:
+            break
+    assert tried[tried.index("joint space") + 1] == first
+    assert sorted(tried[: len(METHODS)]) == sorted(METHODS)
 
 
 @pytest.mark.parametrize(

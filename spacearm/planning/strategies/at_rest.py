@@ -83,8 +83,18 @@ def paced(found: Plan, rates: Array) -> Plan:
 
 
 def _in_rounds(methods: Collection[str], method: str, account: SearchAccount) -> Iterator[str]:
-    """Yield the methods in order; again and again those that begin with random guesses."""
-    yield from methods if method == "auto" else (method,)
+    """Yield the methods in order; again and again those that begin with random guesses.
+
+    Where most ways so far were stopped by contacts, a tree, which goes round bodies, comes before
+    loops.
+    """
+    ways = account.ways
+    left = [*methods] if method == "auto" else [method]
+    while left:
+        by_contact = ways["contact"] > ways["limits"] + ways["singular"]
+        if by_contact and left[0] == "roadmap" and "tree" in left:
+            left.sort(key=lambda name: name != "tree")
+        yield left.pop(0)
     again = [name for name in methods if name != "straight" and method in ("auto", name)]
     while again:
         account.rounds += 1
