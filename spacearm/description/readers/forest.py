@@ -335,8 +335,8 @@ def with_floating_base(source: Source, tree: Tree) -> Tree:
         source.fail(
             f"the link {tree.root!r} has no mass and carries {spacecraft!r} by {names}: "
             f"{spacecraft!r} may be a spacecraft that floats, or an arm on a rail",
-            "for a spacecraft, lock these joints, as in "
-            f"locked={{{way[0].name!r}: 0.0}}, and it floats by itself; an arm on a rail is "
+            f"for a spacecraft, lock {names} (locked={{{way[0].name!r}: 0.0}} locks one), and it "
+            "floats by itself; an arm on a rail is "
             f"mounted with its rail: sa.mount({str(source.path)!r}, sa.Bus(mass=..., size=...))",
         )
     if not source.reading.spacecraft:
