@@ -6,6 +6,7 @@ import os
 import re
 import signal
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -15,6 +16,7 @@ import pinocchio as pin
 import pytest
 
 import spacearm as sa
+from spacearm import signatures
 from spacearm.signatures import checked, fits
 
 PYTHONS = re.compile(
@@ -107,6 +109,17 @@ def test_shapes_of_arrays_are_those_of_the_docstring():
         sa.ConfigurationError, match=r"R is an array of shape \(2,\); give \(3, 3\)"
     ):
         sa.load("planar2").task.axes(np.ones(2))
+
+
+def test_what_the_package_gives_itself_is_not_checked(monkeypatch):
+    """Copies neither, although `dataclasses` makes them; those that users make are."""
+    checks, check = [], signatures.check
+    start = sa.load("planar2").at([0.3, 1.2])
+    monkeypatch.setattr(signatures, "check", lambda *given: (checks.append(given), check(*given)))
+    sa.follow(start, [(1.5, 1.2)])
+    assert [thing.__name__ for thing, *_ in checks] == ["follow"]
+    with pytest.raises(sa.ConfigurationError, match="seed is 'a'; give a whole number"):
+        replace(sa.Search(), seed="a")
 
 
 def things(folder):
