@@ -13,7 +13,7 @@ import typer
 
 import spacearm as sa
 from spacearm.cli import options as opt
-from spacearm.cli.output import Answer, err, out, working
+from spacearm.cli.output import Answer, err, out, save_phases, working
 from spacearm.cli.questions import (
     With,
     constraints_of,
@@ -77,11 +77,13 @@ def find_catch(
     q: opt.JointValues = None,
     window: str = "0,60",
     grapple: str | None = None,
+    fly: bool = False,
     mode: opt.MaybeMode = None,
     attitude: opt.Attitude = None,
+    save: opt.Save = None,
     more: With = None,
     deg: bool = False,
-) -> sa.Catch:
+) -> Answer:
     """Find when and how the arm catches a tumbling target.
 
     The tip has the target's velocity at contact; then the joints brake both.
@@ -94,13 +96,14 @@ def find_catch(
             inertia, com), pose, twist, grapples, orbit.
         window (FROM,TO): Earliest and latest contact [s].
         grapple: Grapple frame to grasp; any of them by default.
+        fly: Simulate the catch, from the approach to rest; --save gives each phase a file.
     """
     told = ("approach", "closing", "touching", "bears", "wanted", "mode")
     asked = question(more, "start", "constraints", "search", *told, mode=mode)
     start = start_of(arm, asked, q, attitude, deg)
     early, late = opt.numbers("--window", window, 2).tolist()
     with working("trying contacts", searches=True) as progress:
-        return sa.catch(
+        found = sa.catch(
             start,
             target_of(target),
             grapple,
@@ -109,6 +112,11 @@ def find_catch(
             search=search_of(arm, asked.inner("search"), progress),
             **asked.some(*told),
         )
+    if not fly:
+        return Answer(found)
+    with working("simulating") as progress:
+        flight = found.fly(progress=progress)
+    return Answer(flight, written=save_phases(flight, save))
 
 
 @opt.answering("held")

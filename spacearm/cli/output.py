@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from spacearm.model.arm import SpaceArm
+    from spacearm.motion.flights import Flight
     from spacearm.viewer.viewer import Viewer
 
 T = TypeVar("T")
@@ -301,3 +302,11 @@ def _finite(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return _finite(value.tolist())
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def save_phases(flight: Flight, path: Path | None) -> list[Path]:
+    """Write each phase of a flight to a file with its number, if a path is given; return these."""
+    names = [path.with_stem(f"{path.stem}_{i}") for i in range(len(flight.phases))] if path else []
+    for name, run in zip(names, flight.phases, strict=False):
+        run.save(name)
+    return names

@@ -12,7 +12,7 @@ import typer
 
 import spacearm as sa
 from spacearm.cli import options as opt
-from spacearm.cli.output import Answer, out, print_json, say_stopped, working
+from spacearm.cli.output import Answer, out, print_json, save_phases, say_stopped, working
 from spacearm.cli.questions import With, controller_of, question, start_of
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.motion.controllers import LAWS, TipLaw
@@ -105,10 +105,7 @@ def _fly(start: sa.Configuration, asked: Table, save: Path | None) -> Answer:
     with working("simulating") as progress:
         flight = sa.simulate_phases(start, phases, dq=asked.values.get("dq"), progress=progress)
     code = _ended(flight, f"{len(flight.phases)} of {len(phases)} phases simulated")
-    names = [save.with_stem(f"{save.stem}_{i}") for i in range(len(flight.phases))] if save else []
-    for name, run in zip(names, flight.phases, strict=False):
-        run.save(name)
-    return Answer(flight, code, written=names)
+    return Answer(flight, code, written=save_phases(flight, save))
 
 
 def _target(arm: sa.SpaceArm, law: Table, text: str, deg: bool) -> list[float]:

@@ -333,6 +333,7 @@ class Approach:
             twist_error=end.J @ v - frame.twist,
             torque=torque,
             momentum=held.momentum,
+            wheels=self._wheels_after(brake[-1]),
             wheel_load=(reach.wheel_load, load, brake.wheel_load) if load else (),
             tried=(),
         )
@@ -388,6 +389,12 @@ class Approach:
         return plan(
             self.start, goal, duration=duration, mode=self.mode, constraints=among, search=search
         )
+
+    def _wheels_after(self, end: Configuration) -> Wheels | None:
+        """Return the wheels as they are once the joints rest, None where there are none."""
+        if self.wheels is not None or not self.start.arm.wheels:
+            return self.wheels
+        return Wheels.free(end, self.constraints.wheels)
 
     def _borne(self, chase: Followed, wheels: Wheels) -> tuple[Followed, str]:
         """Return the motion to contact with what wheels hold, which is told, too.

@@ -12,19 +12,25 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, plain
-from spacearm.mechanics.dynamics import spacecraft_twist
+from spacearm.errors import NoSolutionError
+from spacearm.mechanics.dynamics import momentum_and_torque, spacecraft_twist
 from spacearm.mechanics.target import Target
 from spacearm.mission.braking import Braking
-from spacearm.model.arguments import BaseMode
+from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.controllers import Tracking
 from spacearm.motion.flights import Flight, Grasp, Phase, simulate_phases
 from spacearm.motion.following import Followed
 from spacearm.motion.motion import Motion
-from spacearm.motion.plant import Integration, Plant
+from spacearm.motion.plant import Integration, Motors, Plant, WheelHold
+from spacearm.planning.reactions import Wheels
 from spacearm.planning.result import Plan
+from spacearm.planning.strategies.detumbling import least_time
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.singularities.nearest import angle
+
+DAMPED, SETTLED = 0.5, 12.0
+"""Rate at which wheels take up a tumble [1/s], and how many times its inverse they are given."""
 
 
 class Candidate(NamedTuple):
@@ -68,6 +74,7 @@ class Catch(Result, kw_only=True):
         twist_error: (6,) twist of the tip less that of the frame [m/s], [rad/s].
         torque: (n,) largest torques from the stand-off on and while braking [N m] or [N].
         momentum: (6,) momentum of arm and target together about the CM of both [kg m/s], [N m s].
+        wheels: The wheels, with their limits; None where the spacecraft has none.
         wheel_load: What the wheels that hold the attitude hold and give at most, a sentence for
             each of the three motions; empty where the spacecraft floats.
         tried: All that was tried, in that order.
@@ -86,6 +93,7 @@ class Catch(Result, kw_only=True):
     twist_error: Array
     torque: Array
     momentum: Array
+    wheels: Wheels | None
     wheel_load: tuple[str, ...]
     tried: tuple[Candidate, ...]
 
@@ -122,6 +130,11 @@ class Catch(Result, kw_only=True):
     ) -> Flight:
         """Simulate the catch: `sa.Tracking` leads the joints, the grasp is a plastic impact.
 
+        From contact on the wheels of a floating spacecraft, those of its description, give a torque
+        against its turning, within the least torque and capacity of them, until it is at rest or
+        they are full; `Flight.left_over` is what they do not hold. Wheels that hold the attitude
+        give the torques that were planned.
+
         Args:
             actual: The target as it is, where it differs from what was planned with, in mass,
                 inertia or motion: it is grasped by the tip wherever it is then.
@@ -130,19 +143,60 @@ class Catch(Result, kw_only=True):
             progress: Called now and then as progress(t, duration).
 
         Returns:
-            The flight: approach, closing in, braking.
+            The flight: "approach", "closing in", "braking", and "detumbling" where wheels do.
 
         Raises:
             SpaceArmError: As `simulate_phases` raises.
         """
         grasp = grasp_of(actual or self.target, self.t, self.chase[-1].tip)
         begun = replace(self.plan, t=self.begin + self.plan.t)
+        rests = replace(self.brake, t=self.brake.t - self.brake.t[-1])  # it has ended
+        damper = self._damper() if plant.wheels is None else None
+        damped = replace(plant, wheels=damper) if damper is not None else plant
         stages = [
-            Phase(Tracking(motion), float(motion.t[-1]), then, mode=self.mode, plant=plant,
-                  integration=integration)
-            for motion, then in ((begun, None), (self.chase, grasp), (self.brake, None))
-        ]  # fmt: skip
-        return simulate_phases(self.plan[0], stages, progress=progress)
+            ("approach", begun, None, plant),
+            ("closing in", self.chase, grasp, plant),
+            ("braking", self.brake, None, damped),
+            *[("detumbling", rests, None, damped)] * (damper is not None),
+        ]
+        mode, phases = self.mode, []
+        for name, motion, then, acting in stages:
+            lasts = self._settling() if motion is rests else float(motion.t[-1])
+            if mode == HELD and self.arm.wheels and plant.wheels is None:
+                acting = replace(plant, wheels=_motors(motion, self.wheels))
+            flown = FLOATING if acting.wheels is not None else mode
+            phase = Phase(Tracking(motion), lasts, then, mode=flown, plant=acting, name=name)
+            phases.append(replace(phase, integration=integration))
+        return simulate_phases(self.plan[0], phases, progress=progress)
+
+    def _damper(self) -> WheelHold | None:
+        """Return the law by which wheels take up the tumble, if there are any."""
+        if self.wheels is None or self.mode != FLOATING:
+            return None
+        D = self.brake[-1].A[3:, 3:6]
+        return WheelHold(
+            stiffness=0.0, damping=DAMPED * float(np.linalg.norm(D, 2)),
+            torque=float(self.wheels.torque.min()), capacity=float(self.wheels.capacity.min()),
+        )  # fmt: skip
+
+    def _settling(self) -> float:
+        """Return how long wheels are given to take up the tumble [s]."""
+        wheels = self.wheels
+        h = 0.0 if wheels is None else float(np.linalg.norm(self.momentum[3:]))
+        return SETTLED / DAMPED + (h / float(wheels.torque.min()) if wheels is not None else 0.0)
+
+    @property
+    def rest(self) -> str:
+        """Whether wheels of a floating spacecraft can bring it to rest afterwards, in words."""
+        if self.mode != FLOATING:
+            return "the wheels hold all momentum once the joints rest"
+        if self.wheels is None:
+            return "the spacecraft has no wheels, and turns on"
+        try:
+            least = least_time(self.wheels, self.momentum[3:], None)
+        except NoSolutionError as error:
+            return f"the wheels cannot bring it to rest: {error}"
+        return f"the wheels can hold the momentum, and take at least {least:.4g} s to take it up"
 
     @property
     def tumble(self) -> Array:
@@ -184,7 +238,7 @@ class Catch(Result, kw_only=True):
             title=f"{self.arm.name} and {self.target.name}",
             verdict=f"caught by {self.grapple} after {self.t:.4g} s",
             tone="good",
-            notes=[self.plan.checked, *self._wheels()],
+            notes=[self.plan.checked, self.rest, *self._wheels()],
             tables=[Table.facts(facts), Table(columns, rows, "Tried")],
         )
 
@@ -212,6 +266,7 @@ class Catch(Result, kw_only=True):
             "borne": self.brake.borne,
             "momentum": self.momentum,
             "wheel_load": self.wheel_load,
+            "afterwards": self.rest,
             "tumble": self.tumble,
             "contacts": self.tried,
             "not_checked": self.not_checked,
@@ -220,6 +275,18 @@ class Catch(Result, kw_only=True):
             "base": way.base,
         }
         return {name: plain(value) for name, value in told.items()}
+
+
+def _motors(motion: Motion, wheels: Wheels | None) -> Motors:
+    """Return the torques of wheels that hold the attitude of a motion, over time."""
+    assert wheels is not None
+    shares, way, arm = wheels.shares, motion.spline, motion.arm
+
+    def torques(t: float) -> Array:
+        s = np.clip([t], *motion.t[[0, -1]])
+        return -shares @ momentum_and_torque(arm, way(s), way(s, 1), way(s, 2))[1][0]
+
+    return torques
 
 
 def in_hand(target: Target, t: float, tip: pin.SE3) -> dict[str, Any]:

@@ -23,8 +23,8 @@ from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.sets import singular_set
 
-SHARES = (2.0, 6.0, 20.0)
-"""Time that is given to each contact on the first, the second and the third pass [s]."""
+SHARES = (1 / 30, 1 / 10, 1 / 3)
+"""Share of the time that is given to each contact on the first, the second and the third pass."""
 
 
 @checked
@@ -110,7 +110,10 @@ def catch(
             if search.progress:
                 search.progress(time.monotonic() - begun, search.timeout)
             look = replace(
-                search, seed=search.seed + number, timeout=min(share, left), progress=None
+                search,
+                seed=search.seed + number,
+                timeout=min(share * search.timeout, left),
+                progress=None,
             )
             try:
                 one = request.attempt(t, name, look)

@@ -21,6 +21,7 @@ from spacearm.mechanics.dynamics import (
     capture,
     generalized_velocity,
     inverse_dynamics,
+    spacecraft_twist,
 )
 from spacearm.model.arguments import FLOATING, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
@@ -34,7 +35,7 @@ from spacearm.signatures import checked
 
 SUMS = ("impulse", "work", "other_work")
 """Quantities that each phase counts from zero."""
-TOLD = ("phases", "begins", "events", "captures", "ended", "not_checked")
+TOLD = ("names", "phases", "begins", "events", "captures", "ended", "not_checked")
 """What `Flight.to_dict` gives."""
 
 
@@ -49,11 +50,15 @@ class Flight(Trajectory, kw_only=True):
         phases: The trajectories, each of the arm with what it held then; their times begin at 0.
         begins: (p,) times at which they began [s].
         captures: What each grasp did: impulse, energy lost, momenta.
+        names: What each phase is called, its number where it has no name.
+        bodies: What the hand holds in each phase.
     """
 
     phases: tuple[Trajectory, ...]
     begins: Array
     captures: tuple[Capture, ...]
+    names: tuple[str, ...]
+    bodies: tuple[Grasp | None, ...]
 
     @classmethod
     def joined(
@@ -62,10 +67,12 @@ class Flight(Trajectory, kw_only=True):
         begins: Sequence[float],
         events: Sequence[Event],
         captures: Sequence[Capture],
+        names: Sequence[str],
+        bodies: Sequence[Grasp | None],
     ) -> Flight:
         """Join the runs of all phases."""
-        names = ["q", "base", "dq", "ddq", "torque", "momentum", "wheels", "wheel_torque", "energy"]
-        values: dict[str, Any] = {name: _joined(runs, name) for name in (*names, *SUMS)}
+        known = ["q", "base", "dq", "ddq", "torque", "momentum", "wheels", "wheel_torque", "energy"]
+        values: dict[str, Any] = {name: _joined(runs, name) for name in (*known, *SUMS)}
         return cls(
             arm=runs[0].arm,
             t=np.concatenate([begin + _rows(runs, i, "t") for i, begin in enumerate(begins)]),
@@ -78,6 +85,8 @@ class Flight(Trajectory, kw_only=True):
             phases=tuple(runs),
             begins=np.array(begins),
             captures=tuple(captures),
+            names=tuple(name or str(i) for i, name in enumerate(names)),
+            bodies=tuple(bodies),
             **values,
         )
 
@@ -90,6 +99,28 @@ class Flight(Trajectory, kw_only=True):
     def distance(self) -> Array:
         """(m,) as `Motion.distance` [rad], with what is held."""
         return read_only(_joined(self.phases, "distance"))
+
+    @cached_property
+    def turning(self) -> Array:
+        """(m,) rate at which the spacecraft turns [rad/s]."""
+        rows = [
+            _turning(run[row], run.dq[row], run.mode)
+            for i, run in enumerate(self.phases)
+            for row in range(min(i, 1), len(run))
+        ]
+        return read_only(np.array(rows))
+
+    @cached_property
+    def tip_wrench(self) -> Array:
+        """(m, 6) force [N] and moment [N m] at the tip that move what is held, tip axes."""
+        held = zip(self.phases, self.bodies, strict=True)
+        return read_only(np.concatenate([_borne(run, i, b) for i, (run, b) in enumerate(held)]))
+
+    @property
+    def left_over(self) -> Array:
+        """(3,) angular momentum at the end that no wheel holds, inertial axes [N m s]."""
+        end = self.phases[-1][-1]
+        return np.asarray(end.momentum[3:] - end.stored[3:])
 
     @cached_property
     def certificate(self) -> None:
@@ -131,28 +162,77 @@ class Flight(Trajectory, kw_only=True):
         """Return the phases and what happened as plain data."""
         return {name: plain(getattr(self, name)) for name in TOLD}
 
+    def _loads(self) -> list[tuple[float, float, float]]:
+        """Return how fast the spacecraft turns at the end of phases, and the most at the tip."""
+        found = []
+        for i, (run, body) in enumerate(zip(self.phases, self.bodies, strict=True)):
+            most = np.linalg.norm(_borne(run, i, body).reshape(-1, 2, 3), axis=2).max(axis=0)
+            found.append((_turning(run[-1], run.dq[-1], run.mode), *most.tolist()))
+        return found
+
+    def _wheels(self) -> list[str]:
+        """Say what wheels hold at the end, and what is left."""
+        if not self.wheels.any():
+            return []
+        held = ", ".join(
+            f"{wheel.name} {most:.4g}, at the end {end:.4g}"
+            for wheel, most, end in zip(
+                self.arm.wheels, np.abs(self.wheels).max(axis=0), self.wheels[-1], strict=True
+            )
+        )
+        end = self.phases[-1]
+        left, turns = np.linalg.norm(self.left_over), _turning(end[-1], end.dq[-1], end.mode)
+        return [
+            f"wheels hold at most [N m s]: {held}",
+            f"{left:.3g} N m s are left, and the spacecraft turns at {turns:.3g} rad/s",
+        ]
+
     def __repr__(self) -> str:
         return f"Flight({self.describe().headline})"
 
     def describe(self) -> Description:
-        """Describe the phases, and what happened on the way."""
+        """Describe the phases, what happened on the way, and what momentum is left at the end."""
         arm, end = self.phases[0].arm, self.begins[-1] + self.phases[-1].t[-1]
-        spans = zip(self.begins, self.begins + [run.t[-1] for run in self.phases], strict=True)
+        ends = self.begins + [run.t[-1] for run in self.phases]
+        starts = zip(self.names, self.begins, ends, strict=True)
         rows = [
-            (i, *span, run.ended, run.imbalance, *(tip.translation for tip in run[-1].tips))
-            for i, (run, span) in enumerate(zip(self.phases, spans, strict=True))
+            (*first, run.ended, *loads, run.imbalance, *(tip.translation for tip in run[-1].tips))
+            for first, run, loads in zip(starts, self.phases, self._loads(), strict=True)
         ]
         names = ("tip",) if len(arm.tips) == 1 else arm.tips
         columns: list[Column | str] = [
             "phase", Column("from", "s", ".4g"), Column("to", "s", ".4g"), "ended by",
-            Column("energy off by", "", ".1e"), *(Column(f"{n} at the end", "m") for n in names),
+            Column("turns then at", "rad/s", ".3g"), Column("most at the tip", "N", ".3g"),
+            Column("about it", "N m", ".3g"), Column("energy off by", "", ".1e"),
+            *(Column(f"{n} at the end", "m") for n in names),
         ]  # fmt: skip
         return Description(
             title=arm.name,
             verdict=f"{len(self.phases)} phases, {end:.6g} s, ended by {self.ended}",
+            notes=self._wheels(),
             tables=[Table(columns, rows)],
             events=events_table(arm, self.events),
         )
+
+
+def _turning(cfg: Configuration, dq: Array, mode: BaseMode) -> float:
+    """Return the rate at which a spacecraft turns [rad/s]."""
+    return float(np.linalg.norm(spacecraft_twist(cfg, dq, mode)[3:]))
+
+
+def _borne(run: Trajectory, i: int, body: Grasp | None) -> Array:
+    """Return what a body in the hand bears in phase i, see `Flight.tip_wrench`."""
+    first, root = min(i, 1), run.arm.tree.root
+    found = np.zeros((len(run) - first, 6))
+    if body is None:
+        return found
+    for row in range(first, len(run)):
+        cfg = run[row]
+        pushed = {link: wrench[row] for link, wrench in run.wrenches.items()}
+        motors = cfg.with_wheels(run.wheel_torque[row]).stored
+        pushed[root] = pushed.get(root, np.zeros(6)) - motors
+        found[row - first] = held_loads(cfg, run.dq[row], run.ddq[row], body, run.mode, pushed)[1]
+    return found
 
 
 def _rows(runs: Sequence[Trajectory], i: int, name: str) -> Array:
@@ -280,6 +360,7 @@ class Phase(Parameters):
         sampling: As in `simulate`.
         stop: As in `simulate`.
         integration: As in `simulate`.
+        name: What it is called.
     """
 
     controller: Laws
@@ -291,6 +372,7 @@ class Phase(Parameters):
     sampling: Sampling | None = None
     stop: Sequence[str] = ()
     integration: Integration = Integration()
+    name: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields, the controller as its repr."""
@@ -346,6 +428,7 @@ def simulate_phases(
             "then=sa.Grasp(...) before it"
         )
     total, begin, held = sum(phase.duration for phase in phases), 0.0, [start.arm]
+    grasped, bodies = list[Grasp](), list[Grasp | None]()
     runs: list[Trajectory] = []
     begins, events, captures = list[float](), list[Event](), list[Capture]()
     for phase in phases:
@@ -361,6 +444,7 @@ def simulate_phases(
         )  # fmt: skip
         runs.append(run)
         begins.append(begin)
+        bodies.append(grasped[-1] if grasped else None)
         events += [event._replace(t=begin + event.t) for event in run.events]
         begin += float(run.t[-1])
         if run.ended == "interrupted" or (phase.stop and run.ended == "duration"):
@@ -369,14 +453,17 @@ def simulate_phases(
         if isinstance(phase.then, Grasp):
             captures.append(phase.then.impact(start, run.dq[-1], phase.mode))
             held.append(captures[-1].configuration.arm)
+            grasped.append(phase.then)
             start, dq = _holding(held[-1], start, captures[-1].momentum), captures[-1].dq
             detail = f"{phase.then.mass:g} kg, {captures[-1].energy_lost:.3g} J lost"
             events.append(Event(begin, "grasp", run.q[-1], detail))
         elif isinstance(phase.then, Release):
             held.pop()
+            grasped.pop()
             start = _holding(held[-1], start, _kept(run, held[-1]))
             events.append(Event(begin, "release", run.q[-1], ""))
-    return Flight.joined(runs, begins, events, captures)
+    names = [phase.name for phase in phases[: len(runs)]]
+    return Flight.joined(runs, begins, events, captures, names, bodies)
 
 
 def _holding(arm: SpaceArm, cfg: Configuration, momentum: Array) -> Configuration:

@@ -17,6 +17,7 @@ from spacearm.collisions.solids import corners
 from spacearm.description.shapes import faces
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration
+from spacearm.motion.flights import Flight
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
 from spacearm.plots.configurations import draw_posture
@@ -96,6 +97,41 @@ def draw_motion(
     if whole is not None:
         whole.align_ylabels()
     return path
+
+
+@draws(Flight, size=(8.6, 8.4), panels=lambda whole: whole.subplots(5, 1, sharex=True))
+def draw_flight(flight: Flight, panels: Any) -> None:
+    """Draw the time line of a flight: joint rates, margin, turning, wheels, forces at the tip.
+
+    Args:
+        flight: The flight.
+        panels: Where it is drawn.
+    """
+    rates, nearness, turning, wheels, tip = panels
+    t, arm, begins = flight.t, flight.arm, flight.begins
+    scale = np.where(arm.slides, 1.0, 180.0 / np.pi)
+    for i, name in enumerate(short_names(arm.joint_names)):
+        rates.plot(t, flight.dq[:, i] * scale[i], color=COLOURS[i % len(COLOURS)], label=name)
+    rates.set_ylabel(f"joint rates\n[{'deg/s, m/s' if arm.slides.any() else 'deg/s'}]")
+    nearness.plot(t, np.minimum(np.degrees(flight.distance), FAR), color=RED)
+    nearness.set(ylabel="to a singular\nposture found [deg]", ylim=(0.0, None))
+    turning.plot(t, np.degrees(flight.turning), color=BLUE)
+    turning.set(ylabel="spacecraft\nturns [deg/s]", ylim=(0.0, None))
+    _draw_wheels(wheels, flight, flight.wheels)
+    force, moment = np.linalg.norm(flight.tip_wrench.reshape(-1, 2, 3), axis=2).T
+    tip.plot(t, force, color=ORANGE, label="N")
+    tip.plot(t, moment, color=GREEN, label="N m")
+    tip.set(ylabel="force, moment\nat the tip", xlabel="time [s]", ylim=(0.0, None))
+    for axes in (rates, tip):
+        _legend(axes)
+    for axes in panels:
+        for begin in begins[1:]:
+            axes.axvline(begin, color=GREY, lw=0.8, ls="--", zorder=0)
+    ends = [*begins[1:], t[-1]]
+    for number, (begin, end) in enumerate(zip(begins, ends, strict=True)):
+        rates.axvspan(begin, end, ymin=0.94, color=COLOURS[number % len(COLOURS)], alpha=0.35, lw=0)
+    times = zip(flight.names, begins, strict=True)
+    entitle(rates, f"{arm.name}: " + ", ".join(f"{name} from {at:.4g} s" for name, at in times))
 
 
 def _in_picture(motion: Motion, target: npt.ArrayLike) -> Array:
@@ -215,8 +251,11 @@ def _draw_wheels(axes: Any, motion: Motion, held: Array) -> None:
     names = tuple(wheel.name for wheel in motion.arm.wheels)
     for i, name in enumerate(short_names(names)):
         axes.plot(motion.t, held[:, i], color=COLOURS[i % len(COLOURS)], lw=1.5, label=name)
-    _legend(axes)
     axes.set_ylabel("wheels\n[N m s]")
+    if names:
+        _legend(axes)
+    else:
+        axes.text(0.5, 0.5, "no wheels", transform=axes.transAxes, ha="center", color=GREY)
 
 
 def _legend(axes: Any) -> None:

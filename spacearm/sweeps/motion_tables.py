@@ -137,6 +137,7 @@ def _phase(table: Table, arm: SpaceArm) -> Phase:
         sampling=read_sampling(table),
         stop=table.texts("stop"),
         integration=read_integration(table.inner("integration"), Integration()),
+        **table.some("mode", "name"),
     )
 
 

@@ -136,7 +136,7 @@ def results(few):
         "a risk profile": (sa.risk_profile(planar, samples=2000), 1),
         "risks of poses": (sa.pose_risk(spatial, poses=20, samples=2000), 1),
         "a trajectory": (run, 4),
-        "a flight": (sa.simulate_phases(planar.at([0.3, 1.2]), [sa.Phase(LAW, 0.2)]), 4),
+        "a flight": (sa.simulate_phases(planar.at([0.3, 1.2]), [sa.Phase(LAW, 0.2)]), 5),
         "designs": (design, 1),
         "many runs": (sa.simulate_many([planar.at([0.3, 1.2])] * 3, LAW, 0.2), 2),
         "an uncertain arm": (unsure(planar), 1),
