@@ -47,9 +47,15 @@ def _entry(info: sa.ModelInfo) -> dict[str, Any]:
     return {**data, **told, **_masses(info.name)}
 
 
-def _masses(name: str) -> dict[str, float]:
-    """Return the masses of the spacecraft with all that is fixed to it, and of the rest [kg]."""
-    arm = sa.load(name)
+def _masses(name: str) -> dict[str, float | None]:
+    """Return the masses of the spacecraft with all that is fixed to it, and of the rest [kg].
+
+    They are None where the files of the arm are not installed.
+    """
+    try:
+        arm = sa.load(name)
+    except sa.ModelError:
+        return {"spacecraft_mass": None, "arm_mass": None}
     spacecraft = float(arm.model.inertias[1].mass)
     return {"spacecraft_mass": spacecraft, "arm_mass": arm.mass - spacecraft}
 

@@ -87,6 +87,20 @@ def test_lock_takes_degrees_with_deg():
     assert np.allclose(a["configuration"]["tip"], b["configuration"]["tip"])
 
 
+def test_models_are_listed_without_the_package_of_robots(monkeypatch):
+    whole = sa.load
+
+    def load(name):
+        if name == "servicer_ur5":
+            raise sa.ModelError("no example-robot-data/ur_description of ur5")
+        return whole(name)
+
+    monkeypatch.setattr(sa, "load", load)
+    masses = {entry["name"]: entry["spacecraft_mass"] for entry in answer("models")}
+    assert masses["planar2"] == 40
+    assert masses["servicer_ur5"] is None
+
+
 def test_models_and_info():
     run = spacearm("models")
     assert run.returncode == 0
