@@ -219,8 +219,8 @@ def test_wheels_that_cannot_hold_the_target_are_named():
 def test_after_contact_wheels_take_up_what_they_can(rate, rests):
     """Within torque and capacity; what is left is the momentum that no wheel holds, and turns."""
     arm = load_text(with_wheels("chaser7", np.eye(3), torque=0.5, rate=rate), task="pose")
-    start = arm.at(START)
-    catch = sa.catch(start, tumbling(start), window=(10, 30), wanted=1)
+    start, search = arm.at(START), sa.Search(timeout=300.0)
+    catch = sa.catch(start, tumbling(start), window=(10, 30), wanted=1, search=search)
     flight = catch.fly(integration=sa.Integration(dt=0.1))
     assert flight.names == ("approach", "closing in", "braking", "detumbling")
     assert np.abs(flight.wheel_torque).max() <= 0.5 * (1.0 + 1e-9)
