@@ -4,6 +4,7 @@ from spacearm.closure.held_report import HeldReport as HeldReport
 from spacearm.closure.holding import Held as Held
 from spacearm.closure.holding import hold as hold
 from spacearm.closure.target_paths import FollowedTarget as FollowedTarget
+from spacearm.closure.target_runs import TargetRun as TargetRun
 from spacearm.collisions.obstacles import Obstacle as Obstacle
 from spacearm.collisions.separation import CollisionReport as CollisionReport
 from spacearm.collisions.separation import collision_check as collision_check

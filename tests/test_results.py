@@ -98,6 +98,12 @@ def led_target():
     return target.follow([target.target.pose * sa.pose((0.2 * far, 0, 0))], limits=False)
 
 
+def run_of_target():
+    target, _ = roomy(tries=1)
+    law = sa.JointPD(target.q, kp=0.1, kd=0.1)
+    return target.simulate(law, 0.1, integration=sa.Integration(dt=0.05))
+
+
 def identified():
     holding = arm().grasp(2.0, 0.1 * np.eye(3)).at([0.3, 1.2])
     law, coarse = sa.JointPD([0.9, 0.4], kp=5.0, kd=9.0), sa.Integration(dt=0.1)
@@ -176,6 +182,7 @@ RESULTS = {
     "SpaceArm": arm,
     "Study": lambda: sa.Study.parse(STUDY),
     "Task": lambda: arm().task,
+    "TargetRun": run_of_target,
     "Trajectory": run,
     "TransposedJacobian": lambda: sa.TransposedJacobian(target=(1.0, 1.0), kp=5.0, kd=9.0),
     "Flight": flight,

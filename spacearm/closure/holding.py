@@ -6,7 +6,7 @@ along paths of the target.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from types import MappingProxyType
@@ -16,10 +16,10 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, Progress, generator
-from spacearm.closure.carrying import Carrying
 from spacearm.closure.closing import Closure, placed
 from spacearm.closure.held_report import HeldReport, held_report
-from spacearm.closure.target_paths import FollowedTarget, Frame, follow_target
+from spacearm.closure.target_paths import Carrying, FollowedTarget, Frame, follow_target
+from spacearm.closure.target_runs import TargetRun, simulate_target
 from spacearm.description.loops import closed_chain
 from spacearm.errors import ConfigurationError, NoSolutionError, listed
 from spacearm.mechanics.target import Target
@@ -28,8 +28,10 @@ from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.model.joints import joint_scales
 from spacearm.model.task import ROWS, Task, with_length
+from spacearm.motion.controllers import Controller
 from spacearm.motion.following import Path
 from spacearm.motion.motion import Motion
+from spacearm.motion.plant import Integration
 from spacearm.results import Column, Description, Measure, Result, Table, joint_measures
 from spacearm.signatures import checked
 from spacearm.singularities.report import TOLERANCE
@@ -157,6 +159,52 @@ class Held(Result):
         return follow_target(
             self._carrying, path, frame=frame, mode=mode, length=length, speed=speed, times=times,
             at_rest=at_rest, rest=rest, limits=limits, progress=progress,
+        )  # fmt: skip
+
+    def simulate(
+        self,
+        controller: Controller,
+        duration: float,
+        *,
+        dq: npt.ArrayLike | None = None,
+        squeeze: Mapping[str, npt.ArrayLike] | None = None,
+        bears: Sequence[float] = (np.inf, np.inf),
+        integration: Integration = Integration(),
+        progress: Callable[[float, float], object] | None = None,
+    ) -> TargetRun:
+        """Simulate the arms that hold the target under joint torques, the spacecraft floating.
+
+        Momentum and energy are integrated, not prescribed: their balances show what the integration
+        is worth. After each step joints and velocities go to the closed ones next to them.
+
+        Args:
+            controller: Called as controller(t, cfg, dq), returns (n,) torques [N m] or forces [N]:
+                a law such as `sa.Tracking(held.follow(path))` or `sa.JointPD`. cfg is that of the
+                arms with the target.
+            duration: How long [s].
+            dq: (n,) joint rates at the start, which keep the grasps closed; zeros if None.
+            squeeze: What the hands give the target without moving it: for each tip [force [N];
+                moment about the grasp [N m]], axes of the target, balanced. The torques of the law
+                are changed so that it is this at all times, zeros for none; it is as the law makes
+                it if None. Of all wrenches the least ones count as moving the target, moments by
+                the length of the task.
+            bears: Largest force [N] and largest moment [N m] at a grasp. Beyond, the run ends:
+                the event "grasp".
+            integration: Tolerances, spacing of the output, and whether joint limits are noted.
+            progress: Called after every step as progress(t, duration) [s].
+
+        Returns:
+            The run, with what each grasp bears and how far it is open.
+
+        Raises:
+            ConfigurationError: An argument does not make sense, rates open the grasps, or wrenches
+                that squeeze do not balance.
+            UnsupportedError: The fixed world is held.
+            NoSolutionError: The step collapsed, or the balance of energy or momentum is off.
+        """
+        return simulate_target(
+            self._carrying, controller, duration, dq=dq, squeeze=squeeze, bears=bears,
+            integration=integration, progress=progress,
         )  # fmt: skip
 
     def after(self, motion: Motion) -> Held:

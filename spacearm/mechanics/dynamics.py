@@ -266,7 +266,7 @@ def generalized_velocity(
     return v
 
 
-def _bias(cfg: Configuration, v: Array, wrenches: Wrenches | None) -> Array:
+def bias_forces(cfg: Configuration, v: Array, wrenches: Wrenches | None) -> Array:
     """Compute c (6 + n,) of M (dv_b, ddq) + c = (reaction, tau), external wrenches included."""
     arm = cfg.arm
     full = np.concatenate((v[:6], arm.all_rates(v[6:])))
@@ -291,7 +291,7 @@ def _state(
     cfg: Configuration, v: Array, wrenches: Wrenches | None, f: int
 ) -> tuple[Array, Array, Array, Array]:
     """Return v, M, c and X = M_bb^-1 [M_bq, c_b] (f, n + 1), with which dv_b = -X (ddq, 1)."""
-    M, c = mass_matrix(cfg), _bias(cfg, v, wrenches)
+    M, c = mass_matrix(cfg), bias_forces(cfg, v, wrenches)
     return v, M, c, solve(cfg.arm, M[:f, :f], np.column_stack((M[:f, 6:], c[:f])), M_BB)
 
 

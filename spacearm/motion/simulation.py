@@ -116,7 +116,7 @@ def simulate(
     result = run.trajectory()
     if fault:
         raise NoSolutionError(f"{arm.name}: {fault}", result)
-    _audit(result, run.drift, integration)
+    audit(result, run.drift, integration)
     return result
 
 
@@ -128,7 +128,7 @@ def _advance(run: Runs, duration: float, sampling: Sampling | None, progress: Pr
         run.advance_sampled(duration, sampling, progress)
 
 
-def _audit(result: Trajectory, drift: float, integration: Integration) -> None:
+def audit(result: Trajectory, drift: float, integration: Integration) -> None:
     """Check the balances of energy and momentum.
 
     Raises:

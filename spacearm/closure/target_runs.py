@@ -1,0 +1,444 @@
+"""Runs of arms that hold one target: simulated in time, with the forces at the grasps.
+
+Of the arms with the target on the first tip, v = (v_b, dq), the other tips i stay where the target
+carries them, C v = 0 with C_i = J_i - X_i J_0, X_i the twist of grasp i by that of the first. Hence
+
+    M dv + c = (0, tau) + C^T lambda,   C dv = -dC v - 2 b C v - b^2 e,
+
+e what grasps are open, which decays at the rate b (Baumgarte, Comput. Methods Appl. Mech. Eng. 1,
+1-16 (1972), DOI 10.1016/0045-7825(72)90018-7). lambda is internal: momentum is kept. The hands give
+the target the wrenches w, of which only G^T w moves it. The rest of w squeezes it: joint torques
+J_q^T w_i of wrenches with G^T w_i = 0 add w_i to w, and nothing moves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field, replace
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from scipy.integrate import DOP853
+
+from spacearm.arrays import Array, finite, positive
+from spacearm.closure.closed_motions import carried
+from spacearm.closure.target_paths import HELD, Carrying, gaps_table
+from spacearm.compiler import numbers
+from spacearm.equations.laws import quaternion_rate
+from spacearm.errors import ConfigurationError, NoSolutionError
+from spacearm.mechanics.dynamics import M_BB, bias_forces, generalized_velocity, mass_matrix, solve
+from spacearm.model.arm import Configuration, kinematics
+from spacearm.model.frames import LWA
+from spacearm.model.joints import joint_vector
+from spacearm.motion.controllers import Controller
+from spacearm.motion.events import Event, first_fall
+from spacearm.motion.motion import Trajectory, samples
+from spacearm.motion.motion_file import Quantity
+from spacearm.motion.plant import Integration
+from spacearm.motion.simulation import OUTPUTS, audit
+from spacearm.results import Column, Description, Table
+
+PULL = 5.0
+"""Rate at which open grasps close [1/s]."""
+ROUNDING = 1e-11
+"""Share of the largest singular value up to which directions of closure are the same."""
+
+
+class ClosedState(NamedTuple):
+    """Accelerations and forces of one state.
+
+    Attributes:
+        dv: (6 + n,) accelerations of spacecraft (spatial, its own axes) and joints.
+        tau: (n,) joint torques, those that squeeze included [N m] or [N].
+        wrenches: (tips, 6) what each hand gives the target, [force [N]; moment about the grasp
+            [N m]], inertial axes.
+    """
+
+    dv: Array
+    tau: Array
+    wrenches: Array
+
+
+def closure_rows(cfg: Configuration) -> Array:
+    """Return C (6 (tips - 1), 6 + n): the velocities at which grasps open, inertial axes."""
+    first, *others = np.split(cfg.J, len(cfg.tips))
+    at = cfg.tips[0].translation
+    pairs = zip(cfg.tips[1:], others, strict=True)
+    return np.vstack([J - carried(tip.translation - at) @ first for tip, J in pairs])
+
+
+def onto_closure(cfg: Configuration, v: Array) -> Array:
+    """Return the velocities next to v (6 + n,), by energy, that keep the grasps closed.
+
+    Impulses of the grasps lead there: momentum stays.
+    """
+    C, M = closure_rows(cfg), mass_matrix(cfg)
+    X = solve(cfg.arm, M, C.T, M_BB)
+    return v - X @ np.linalg.lstsq(C @ X, C @ v, rcond=ROUNDING)[0]
+
+
+def closed_state(
+    carrying: Carrying, cfg: Configuration, v: Array, tau: Array, squeeze: Array | None
+) -> ClosedState:
+    """Compute accelerations and the wrenches of the hands on the target.
+
+    Args:
+        carrying: The arms with the target.
+        cfg: Their configuration.
+        v: (6 + n,) twist of the spacecraft in its own axes, and joint rates.
+        tau: (n,) joint torques [N m] or [N].
+        squeeze: (tips, 6) the balanced wrenches wanted, inertial axes; None for those that tau
+            brings.
+    """
+    arm, tips = cfg.arm, cfg.tips
+    M, c, C = mass_matrix(cfg), bias_forces(cfg, v, None), closure_rows(cfg)
+    drift = _drift(cfg, v)
+    first, *twists = np.split(cfg.J @ v, len(tips))
+    spin, grasp = first[3:], carrying.frame(cfg)
+    bias = list[Array]()
+    for i, twist in enumerate(twists, 1):
+        lever = tips[i].translation - tips[0].translation
+        turning = np.concatenate((np.cross(spin, twist[:3] - first[:3]), np.zeros(3)))
+        open_ = _open(tips[i], grasp * carrying.grasps[i])
+        opens = twist - carried(lever) @ first
+        bias.append(
+            drift[i] - carried(lever) @ drift[0] - turning + 2.0 * PULL * opens + PULL**2 * open_
+        )
+    force = np.concatenate((np.zeros(6), tau)) - c
+    X = solve(arm, M, np.column_stack((C.T, force)), M_BB)
+    X, free = X[:, :-1], X[:, -1]
+    impulse = -np.linalg.lstsq(C @ X, np.concatenate(bias) + C @ free, rcond=ROUNDING)[0]
+    dv = free + X @ impulse
+    w = np.vstack((np.zeros((1, 6)), -impulse.reshape(-1, 6)))
+    levers = [tip.translation - tips[0].translation for tip in tips]
+    sums = sum(carried(lever).T @ each for lever, each in zip(levers, w, strict=True))
+    w[0] = _weight(carrying, cfg, v, cfg.J[:6] @ dv + drift[0]) - sums
+    if squeeze is None:
+        return ClosedState(dv, tau, w)
+    more = squeeze - balanced(carrying, cfg, w)
+    return ClosedState(dv, tau + cfg.J[:, 6:].T @ more.ravel(), w + more)
+
+
+def balanced(carrying: Carrying, cfg: Configuration, w: Array) -> Array:
+    """Return the part of wrenches (tips, 6) that does not move the target: w - (G^T)^+ G^T w.
+
+    The pseudo-inverse gives the least wrenches; moments count by the length of the task.
+    """
+    length = carrying.arm.task.length or 1.0
+    scale = np.tile(np.repeat([1.0, length], 3), len(w))
+    at = carrying.frame(cfg).translation
+    G = np.vstack([carried(tip.translation - at) for tip in cfg.tips]) * scale[:, None]
+    forces = w.ravel() / scale
+    moving = np.linalg.lstsq(G.T, G.T @ forces)[0]
+    return ((forces - moving) * scale).reshape(w.shape)
+
+
+def _open(tip: pin.SE3, wanted: pin.SE3) -> Array:
+    """Return how far a grasp is open (6,) [m], [rad], inertial axes."""
+    turn = pin.log3(tip.rotation @ wanted.rotation.T)
+    return np.concatenate((tip.translation - wanted.translation, turn))
+
+
+def _drift(cfg: Configuration, v: Array) -> Array:
+    """Return the accelerations (tips, 6) of the tips where dv = 0, inertial axes."""
+    arm = cfg.arm
+    model, data = arm.model, arm.borrow()
+    full = np.concatenate((v[:6], arm.all_rates(v[6:])))
+    pin.forwardKinematics(model, data, cfg.full_at_origin, full, np.zeros_like(full))
+    pin.updateFramePlacements(model, data)
+    found = [
+        pin.getFrameClassicalAcceleration(model, data, frame, LWA).vector
+        for frame in arm.tip_frames
+    ]
+    arm.give_back(data)
+    return np.array(found)
+
+
+def _weight(carrying: Carrying, cfg: Configuration, v: Array, acceleration: Array) -> Array:
+    """Return the wrench (6,) at the first grasp that moves the target so, by Newton and Euler.
+
+    Args:
+        carrying: The arms with the target.
+        cfg: The configuration.
+        v: (6 + n,) velocities.
+        acceleration: (6,) that of the first grasp, inertial axes.
+    """
+    target, frame = carrying.target, carrying.frame(cfg)
+    w, dw = (cfg.J[3:6] @ v), acceleration[3:]
+    lever = frame.act(target.com) - cfg.tips[0].translation
+    force = target.mass * (acceleration[:3] + np.cross(dw, lever) + np.cross(w, np.cross(w, lever)))
+    I = frame.rotation @ target.inertia @ frame.rotation.T
+    moment = I @ dw + np.cross(w, I @ w)
+    return np.concatenate((force, moment + np.cross(lever, force)))
+
+
+OPENING, STILL = 1e-6, 1e-9
+"""Share of the velocities of the tips, and velocity, up to which rates at the start are closed."""
+UNBALANCED = 1e-6
+"""Share of wrenches up to which they count as balanced."""
+ENDS = ("grasp", "joint limit")
+
+
+class TargetRun(Trajectory, kw_only=True):
+    """The motion of arms that hold a target under joint torques, from `Held.simulate`.
+
+    Its arm is the arms with the target, which is fixed to the first tip.
+
+    Attributes:
+        target: (m, 7) poses of the target: position [m], quaternion xyzw, inertial frame.
+        gap: (m,) largest distance of a tip from its grasp [m].
+        gap_angle: (m,) largest angle between them [rad].
+        grasps: (m, 6) what the hand at each tip gives the target, [force [N]; moment about the
+            grasp [N m]], inertial axes.
+    """
+
+    target: Array
+    gap: Array
+    gap_angle: Array
+    grasps: Mapping[str, Array] = field(default_factory=dict)
+
+    QUANTITIES: ClassVar[Mapping[str, Quantity]] = {
+        **Trajectory.QUANTITIES,
+        **{name: HELD[name] for name in ("target", "gap", "gap_angle")},
+    }
+
+    not_checked = "collisions; singular postures of the closed chain: Held.after(run).report()"
+
+    def describe(self) -> Description:
+        """Describe the motion, its balances, and what the grasps bear."""
+        motion = super().describe()
+        rows = []
+        for tip, w in self.grasps.items():
+            force, moment = (float(np.linalg.norm(x, axis=1).max()) for x in np.split(w, 2, axis=1))
+            rows.append((tip, force, moment))
+        columns = (Column("tip"), Column("largest force", "N"), Column("largest moment", "N m"))
+        table = Table(columns, rows, "What the grasps bear")
+        return replace(motion, tables=[*motion.tables, gaps_table(self), table])
+
+
+class _Run:
+    """The state y = (q, dq, spacecraft's place, quaternion and twist, work, work exchanged)."""
+
+    def __init__(
+        self,
+        carrying: Carrying,
+        controller: Controller,
+        squeeze: Array | None,
+        bears: Array,
+        events: Sequence[str],
+    ) -> None:
+        self.carrying, self.controller, self.squeeze = carrying, controller, squeeze
+        self.bears, self.n = bears, carrying.arm.n
+        self.events = [kind for kind in ENDS if kind == "grasp" or kind in events]
+
+    def start(self, dq: Array) -> Array:
+        """Return the state at the start.
+
+        Raises:
+            ConfigurationError: The rates open the grasps.
+        """
+        cfg = self.carrying.start
+        v = generalized_velocity(cfg, dq)
+        opening, size = np.abs(closure_rows(cfg) @ v).max(), np.abs(cfg.J @ v).max()
+        if opening > OPENING * size + STILL:
+            raise ConfigurationError(
+                f"dq opens the grasps at {opening:.2g} m/s or rad/s; give rates that keep them "
+                "closed, such as those of Held.follow, or None to start at rest"
+            )
+        v = onto_closure(cfg, v)
+        return np.concatenate((cfg.q, v[6:], pin.SE3ToXYZQUAT(cfg.base), v[:6], np.zeros(2)))
+
+    def parts(self, y: Array) -> tuple[Configuration, Array]:
+        """Return configuration and velocities (6 + n,) of a state."""
+        n = self.n
+        x, turn = y[2 * n : 2 * n + 3], y[2 * n + 3 : 2 * n + 7]
+        R = pin.Quaternion(turn / np.linalg.norm(turn)).matrix()
+        cfg = kinematics(self.carrying.arm, y[:n].copy(), pin.SE3(R, x.copy()))
+        start = self.carrying.start
+        if start.momentum.any():
+            cfg = cfg.with_momentum(start.momentum)
+        if start.wheels.any():
+            cfg = cfg.with_wheels(start.wheels)
+        return cfg, np.concatenate((y[2 * n + 7 : 2 * n + 13], y[n : 2 * n]))
+
+    def closed(self, y: Array) -> Array:
+        """Return the closed state next to one."""
+        y, n = y.copy(), self.n
+        y[:n] = self.carrying.closed(y[:n])
+        cfg, v = self.parts(y)
+        v = onto_closure(cfg, v)
+        y[2 * n + 7 : 2 * n + 13], y[n : 2 * n] = v[:6], v[6:]
+        return y
+
+    def state(self, t: float, cfg: Configuration, v: Array) -> ClosedState:
+        """Return accelerations and forces in a state."""
+        tau = joint_vector(cfg.arm, self.controller(t, cfg, v[6:].copy()), "controller")
+        R = self.carrying.frame(cfg).rotation
+        squeeze = self.squeeze
+        if squeeze is not None:
+            squeeze = (squeeze.reshape(-1, 3) @ R.T).reshape(squeeze.shape)
+        return closed_state(self.carrying, cfg, v, tau, squeeze)
+
+    def rate(self, t: float, y: Array) -> Array:
+        """Return the derivative of the state by time."""
+        cfg, v = self.parts(y)
+        now, n = self.state(t, cfg, v), self.n
+        turning = quaternion_rate(numbers, y[2 * n + 3 : 2 * n + 7], v[3:6])
+        power = float(now.tau @ v[6:])
+        return np.concatenate(
+            (v[6:], now.dv[6:], cfg.base.rotation @ v[:3], turning, now.dv[:6],
+             [power, abs(power)])
+        )  # fmt: skip
+
+    def rooms(self, t: float, y: Array) -> Array:
+        """Return how far a state is from each event."""
+        cfg, v = self.parts(y)
+        arm, room = cfg.arm, []
+        for kind in self.events:
+            if kind == "grasp":
+                w = self.state(t, cfg, v).wrenches if np.isfinite(self.bears).any() else None
+                loads = np.zeros(2) if w is None else _loads(w).max(axis=0)
+                room.append(float(np.min(self.bears - loads)))
+            else:
+                room.append(float(np.minimum(arm.upper - cfg.q, cfg.q - arm.lower).min()))
+        return np.array(room)
+
+    def event(self, t: float, y: Array, kind: str) -> Event:
+        """Return an event."""
+        cfg, v = self.parts(y)
+        arm = cfg.arm
+        if kind == "joint limit":
+            j = int(np.minimum(arm.upper - cfg.q, cfg.q - arm.lower).argmin())
+            return Event(t, kind, cfg.q, arm.joint_names[j])
+        loads = _loads(self.state(t, cfg, v).wrenches)
+        tip, what = np.unravel_index(int((loads / self.bears).argmax()), loads.shape)
+        unit = ("N", "N m")[int(what)]
+        return Event(t, kind, cfg.q, f"{arm.tips[int(tip)]}: {loads[tip, what]:.4g} {unit}")
+
+
+def simulate_target(
+    carrying: Carrying,
+    controller: Controller,
+    duration: float,
+    *,
+    dq: npt.ArrayLike | None,
+    squeeze: Mapping[str, npt.ArrayLike] | None,
+    bears: Sequence[float],
+    integration: Integration,
+    progress: Callable[[float, float], object] | None,
+) -> TargetRun:
+    """Simulate arms that hold a target; arguments, results and errors as of `Held.simulate`."""
+    arm, duration = carrying.arm, positive(duration, "duration", "time [s]")
+    most = np.array(bears, dtype=np.float64)
+    if most.shape != (2,) or not (most > 0.0).all():
+        raise ConfigurationError(f"bears is {bears!r}; give a force [N] and a moment [N m] above 0")
+    rates = np.zeros(arm.n) if dq is None else joint_vector(arm, dq, "dq")
+    wanted = None if squeeze is None else _squeeze(carrying, squeeze)
+    run = _Run(carrying, controller, wanted, most, integration.events)
+    y, dt = run.start(rates), integration.dt or duration / OUTPUTS
+    if dt > duration:
+        raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
+    times = np.append(dt * np.arange(math.ceil(duration / dt - 1e-9)), duration)
+    method: Callable[..., Any] = DOP853
+    solver = method(run.rate, 0.0, y, duration, rtol=integration.rtol, atol=integration.atol)
+    t, states, events, ended = [0.0], [y], list[Event](), "duration"
+    before = run.rooms(0.0, y)
+    if before[0] < 0.0:
+        raise ConfigurationError(
+            f"bears is {bears!r}, and more than that is borne at the start; squeeze less, or give "
+            "a larger force [N] and moment [N m]"
+        )
+    while solver.status == "running" and ended == "duration":
+        if failure := solver.step():
+            raise NoSolutionError(f"{arm.name}: the step collapsed at {solver.t:.4g} s: {failure}")
+        piece, end = solver.dense_output(), solver.t
+        after = run.rooms(end, solver.y)
+
+        def along(s: float, piece: Any = piece) -> Array:
+            return run.rooms(s, piece(s))
+
+        if fall := first_fall(along, before, after, solver.t_old, end):
+            end, kind = fall[0], run.events[fall[1]]
+            events.append(run.event(end, piece(end), kind))
+            ended = "grasp" if kind == "grasp" else ended
+            end = end if ended == "grasp" else solver.t
+        rows = times[(times > t[-1]) & (times <= end)].tolist()
+        rows += [end] if ended == "grasp" and (not rows or rows[-1] < end) else []
+        t += rows
+        states += [run.closed(piece(s)) for s in rows]
+        solver.y = run.closed(solver.y)
+        solver.f = run.rate(solver.t, solver.y)
+        before = after
+        if progress:
+            progress(float(solver.t), duration)
+    result = _result(run, np.array(t), np.array(states), tuple(events), ended)
+    audit(result, result.drift, integration)
+    return result
+
+
+def _result(run: _Run, t: Array, states: Array, events: tuple[Event, ...], ended: str) -> TargetRun:
+    """Return the rows of a run."""
+    carrying, n = run.carrying, run.n
+    arm, m, w = carrying.arm, len(t), len(carrying.arm.wheels)
+    pairs = [run.parts(y) for y in states]
+    found = [run.state(s, *pair) for s, pair in zip(t, pairs, strict=True)]
+    energy = np.array([0.5 * v @ mass_matrix(cfg) @ v for cfg, v in pairs])
+    wrenches = np.array([one.wrenches for one in found])
+    closure: dict[str, Any] = {**carrying.account([cfg for cfg, _ in pairs])}
+    return TargetRun(
+        arm=arm,
+        t=t,
+        **samples([cfg for cfg, _ in pairs]),
+        dq=states[:, n : 2 * n].copy(),
+        ddq=np.array([one.dv[6:] for one in found]),
+        torque=np.array([one.tau for one in found]),
+        momentum=np.array([cfg.A @ v + cfg.stored for cfg, v in pairs]),
+        impulse=np.zeros((m, 6)),
+        wheels=np.tile(carrying.start.wheels, (m, 1)),
+        wheel_torque=np.zeros((m, w)),
+        energy=energy,
+        work=states[:, -2].copy(),
+        other_work=np.zeros(m),
+        exchanged=float(states[-1, -1]),
+        events=events,
+        ended=ended,
+        grasps={tip: wrenches[:, i].copy() for i, tip in enumerate(arm.tips)},
+        **closure,
+    )
+
+
+def _loads(wrenches: Array) -> Array:
+    """Return force [N] and moment [N m] (tips, 2) of wrenches (tips, 6)."""
+    return np.linalg.norm(wrenches.reshape(-1, 2, 3), axis=2)
+
+
+def _squeeze(carrying: Carrying, given: Mapping[str, npt.ArrayLike]) -> Array:
+    """Return the wrenches (tips, 6) by which the hands are to squeeze, axes of the target.
+
+    Raises:
+        ConfigurationError: They are not those of all tips, or do not balance.
+    """
+    cfg, tips = carrying.start, carrying.arm.tips
+    if set(given) != set(tips):
+        raise ConfigurationError(
+            f"squeeze is {given!r}; give a wrench (6,) for each tip: {', '.join(tips)}"
+        )
+    w = np.array([finite(given[tip], (6,), f"squeeze of {tip!r}", "[N], [N m]") for tip in tips])
+    R = carrying.frame(cfg).rotation
+    turned = (w.reshape(-1, 3) @ R.T).reshape(w.shape)
+    off = turned - balanced(carrying, cfg, turned)
+    if np.abs(off).max() > UNBALANCED * max(np.abs(w).max(), 1.0):
+        at = carrying.frame(cfg).translation
+        total = sum(
+            carried(tip.translation - at).T @ each
+            for tip, each in zip(cfg.tips, turned, strict=True)
+        )
+        raise ConfigurationError(
+            f"squeeze does not balance: it gives the target {np.round(total, 6).tolist()} "
+            "[N], [N m] about its frame; wrenches that squeeze have no sum, as (0, 0, f, 0, 0, 0) "
+            "at two grasps that face each other, in the axes of the target"
+        )
+    return w

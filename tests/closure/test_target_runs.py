@@ -1,0 +1,150 @@
+"""Held targets simulated: closure, balances, forces at the grasps, and what squeezes."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from helpers.closed import roomy
+from scipy.integrate import simpson
+from scipy.interpolate import CubicSpline
+
+import spacearm as sa
+
+COARSE = sa.Integration(dt=0.5, rtol=1e-9)
+
+
+def law(held, size=1.0):
+    """Smooth torques, different for every joint, that hardly move the heavy."""
+    j, scale = np.arange(held.arm.n), size * sa.generalized_inertia(held.configuration).diagonal()
+    return lambda t, _, dq: 0.02 * scale * np.sin((0.5 + 0.1 * j) * t) - 0.05 * scale * dq
+
+
+def wrench_sum(run, held, i):
+    """What all hands give the target about its CM (6,) in a row."""
+    frame, com = pin.XYZQUATToSE3(run.target[i]), held.target.com
+    total = np.zeros(6)
+    for tip, w in run.grasps.items():
+        lever = (frame * held.grasps[tip]).translation - frame.act(com)
+        total += np.concatenate((w[i, :3], w[i, 3:] + np.cross(lever, w[i, :3])))
+    return total
+
+
+def test_forces_move_the_target_as_newton_says_and_all_balances_close():
+    """The impulse of all hands is the change of the target's momentum, by quadrature of rows."""
+    held, _ = roomy(1, tries=1)
+    run = held.simulate(law(held), 2.0, integration=sa.Integration(dt=0.02))
+    assert max(run.gap.max(), run.gap_angle.max()) < 1e-9
+    assert run.drift < 1e-7
+    assert run.imbalance < 1e-7
+
+    frames = [pin.XYZQUATToSE3(row) for row in run.target]
+    place = CubicSpline(run.t, [frame.act(held.target.com) for frame in frames])
+    sums = np.array([wrench_sum(run, held, i) for i in range(len(run))])
+    impulse = simpson(sums[:, :3], x=run.t, axis=0)
+    gained = held.target.mass * (place(run.t[-1], 1) - place(0.0, 1))
+    np.testing.assert_allclose(impulse, gained, atol=1e-4 * np.abs(sums).max())
+    middle = len(run) // 2
+    turns = [
+        pin.log3(frames[middle].rotation.T @ f.rotation) for f in frames[middle - 2 : middle + 3]
+    ]
+    h = run.t[1] - run.t[0]
+    w = (turns[0] - 8 * turns[1] + 8 * turns[3] - turns[4]) / (12 * h)
+    dw = (-turns[0] + 16 * turns[1] - 30 * turns[2] + 16 * turns[3] - turns[4]) / (12 * h**2)
+    I = held.target.inertia
+    moment = frames[middle].rotation @ (I @ dw + np.cross(w, I @ w))
+    np.testing.assert_allclose(sums[middle, 3:], moment, atol=1e-3 * np.abs(sums[:, 3:]).max())
+
+
+@pytest.mark.slow
+def test_what_squeezes_moves_nothing():
+    """Other torques, the same motion, and the wrenches asked for between the hands."""
+    held, _ = roomy(2)
+    run, firm = (
+        held.simulate(law(held), 2.0, squeeze=squeeze, integration=COARSE)
+        for squeeze in (None, _squeeze(held, 30.0))
+    )
+    np.testing.assert_allclose(firm.q[-1], run.q[-1], atol=1e-8)
+    assert np.abs(firm.torque - run.torque).max() > 0.1
+    for i in range(len(run)):
+        a, b = wrench_sum(run, held, i), wrench_sum(firm, held, i)
+        size = np.abs(np.concatenate(list(firm.grasps.values()))).max()
+        np.testing.assert_allclose(b, a, atol=1e-7 * size)
+    slack = held.simulate(law(held), 2.0, squeeze=_squeeze(held, 0.0), integration=COARSE)
+    least = sum(float((w**2).sum()) for w in slack.grasps.values())
+    assert least <= sum(float((w**2).sum()) for w in firm.grasps.values())
+    pushed = [firm.grasps[tip] - slack.grasps[tip] for tip in held.arm.tips]
+    for i in range(len(firm)):
+        R = pin.XYZQUATToSE3(firm.target[i]).rotation
+        for tip, w in zip(held.arm.tips, pushed, strict=True):
+            there = (w[i].reshape(2, 3) @ R).ravel()
+            np.testing.assert_allclose(there, _squeeze(held, 30.0)[tip], atol=1e-6)
+
+
+def _squeeze(held, force):
+    """A force along the line between two grasps, axes of the target."""
+    a, b = (held.grasps[tip].translation for tip in held.arm.tips)
+    along = force * (b - a) / np.linalg.norm(b - a)
+    left, right = held.arm.tips
+    return {left: np.append(along, np.zeros(3)), right: np.append(-along, np.zeros(3))}
+
+
+@pytest.mark.slow
+def test_closure_stays_over_ten_minutes():
+    held, _ = roomy(3)
+    run = held.simulate(law(held, 0.1), 600.0, integration=sa.Integration(dt=2.0))
+    assert run.ended == "duration"
+    assert max(run.gap.max(), run.gap_angle.max()) < 1e-9
+    assert run.drift < 1e-6
+    assert run.imbalance < 1e-6
+
+
+@pytest.mark.slow
+def test_a_path_that_is_followed_is_flown(tmp_path):
+    """Computed torque leads the chain along its path, though that law knows no closure."""
+    held, far = roomy(4)
+    goal = held.target.pose * sa.pose((far, 0, 0))
+    way = held.follow([goal], times=[2.0], limits=False)
+    run = held.simulate(sa.Tracking(way), 2.5, integration=COARSE)
+    end = held.after(run).target.pose
+    np.testing.assert_allclose(end.actInv(goal).homogeneous, np.eye(4), atol=1e-6)
+    begun = held.simulate(sa.Tracking(way), 0.5, dq=way.dq[0], integration=COARSE)
+    np.testing.assert_allclose(begun.q[-1], run.q[1], atol=1e-8)
+    run.save(tmp_path / "run.npz")
+    again = sa.Motion.load(tmp_path / "run.npz", run.arm)
+    for tip in held.arm.tips:
+        np.testing.assert_array_equal(again.grasps[tip], run.grasps[tip])
+
+
+def test_a_grasp_that_bears_too_little_ends_it():
+    held, _ = roomy(1, tries=1)
+    how = sa.Integration(dt=0.1)
+    free = held.simulate(law(held), 1.0, integration=how)
+    forces = {tip: np.linalg.norm(w[:, :3], axis=1) for tip, w in free.grasps.items()}
+    most = 0.5 * max(f.max() for f in forces.values())
+    run = held.simulate(law(held), 1.0, bears=(most, np.inf), integration=how)
+    assert run.ended == "grasp"
+    event = run.events[-1]
+    assert event.kind == "grasp"
+    assert run.t[-1] == event.t
+    tip = event.detail.split(":")[0]
+    np.testing.assert_allclose(np.linalg.norm(run.grasps[tip][-1, :3]), most, rtol=1e-4, atol=0)
+    table = run.describe().tables[-1]
+    assert table.title == "What the grasps bear"
+    assert len(table.rows) == 2
+
+
+def test_what_makes_no_sense_is_told():
+    held, _ = roomy(1, tries=1)
+    left, right = held.arm.tips
+    with pytest.raises(sa.ConfigurationError, match="opens the grasps"):
+        held.simulate(law(held), 1.0, dq=np.ones(held.arm.n))
+    with pytest.raises(sa.ConfigurationError, match="does not balance"):
+        held.simulate(law(held), 1.0, squeeze={left: [1, 0, 0, 0, 0, 0], right: np.zeros(6)})
+    with pytest.raises(sa.ConfigurationError, match=f"for each tip: {left}, {right}"):
+        held.simulate(law(held), 1.0, squeeze={left: np.zeros(6)})
+    with pytest.raises(sa.ConfigurationError, match="bears is"):
+        held.simulate(law(held), 1.0, bears=(1.0, 0.0))
+    squeeze = _squeeze(held, 9.0)
+    with pytest.raises(sa.ConfigurationError, match="more than that is borne at the start"):
+        held.simulate(law(held), 1.0, squeeze=squeeze, bears=(1.0, 1.0))
+    with pytest.raises(sa.ConfigurationError, match="dt is"):
+        held.simulate(law(held), 1.0, integration=sa.Integration(dt=2.0))
