@@ -1,5 +1,6 @@
 """The public names and where they live; `__init__.py` imports each when it is first used."""
 
+from spacearm.closure.held_report import ClosedMap as ClosedMap
 from spacearm.closure.held_report import HeldReport as HeldReport
 from spacearm.closure.holding import Held as Held
 from spacearm.closure.holding import hold as hold

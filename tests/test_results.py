@@ -138,6 +138,7 @@ RESULTS = {
     ),
     "FoundSet": lambda: sa.singular_set(sa.load("servicer_panda"), mode="fixed"),
     "Held": held,
+    "ClosedMap": lambda: held().map(points=3),
     "HeldReport": lambda: held().report(),
     "FreeBox": lambda: sa.free_box(arm().at([0.3, 1.2])),
     "FreeBox of uncertain arms": lambda: sa.free_box_for_all(unsure(), arm().at([0.3, 1.2])),

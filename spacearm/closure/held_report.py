@@ -1,4 +1,4 @@
-"""Report of a closed chain: what the hands can no longer do to what they hold, and the way out.
+"""Report of a closed chain: what the hands can no longer do, the way out, and maps of that.
 
 Target and hands at rest have no momentum whatever the target weighs, so that the chain is singular
 exactly where the stacked J* of the free hands loses rank. Distances along closure follow from the
@@ -7,7 +7,8 @@ same derivatives as those of free hands, taken along the joint motions that keep
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -16,12 +17,12 @@ import pinocchio as pin
 from spacearm.arrays import Array, Progress
 from spacearm.closure.closed_motions import ClosedMotions, closed_motions
 from spacearm.closure.closing import Closure, placed
-from spacearm.errors import ConfigurationError
+from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.distance import Linearisation, RankDistances, project, rank_distances
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.mechanics.target import Target
 from spacearm.model.arguments import BaseMode
-from spacearm.model.arm import Configuration
+from spacearm.model.arm import Configuration, kinematics
 from spacearm.model.joints import joint_scales
 from spacearm.results import (
     Cell,
@@ -45,6 +46,11 @@ STEPS, STRIDE = 60, 0.3
 """Steps to the nearest singular posture at most, and the longest [rad]."""
 THERE, SETTLED = 1e-8, 1e-6
 """Distance from the set at which a posture is singular, and the last step [rad]."""
+
+OPEN = 1e-9
+"""What may be left open of a closed posture."""
+MOST_POINTS = 401
+"""Most points along each direction."""
 
 
 class HeldReport(Result):
@@ -266,3 +272,114 @@ def nearest_closed(
 
 def _moved(target: Target | None) -> str:
     return target.name if target else "the spacecraft"
+
+
+class ClosedMap(Result):
+    """Distances to singular postures over two directions of what is held, from `Held.map`.
+
+    Attributes:
+        configuration: The configuration in the middle.
+        target: What is held, where it is there; None for the fixed world, of which the spacecraft
+            moves.
+        mode: What the spacecraft does.
+        axes: The two directions, rows of the task.
+        moves: (2, N) how far it is moved along, or turned about, each [m] or [rad].
+        distance: (N, N) how far the nearest singular posture along closure is, to first order
+            [rad], by moves along the first and the second; NaN where nothing closed was reached.
+        sigma_min: (N, N) the least singular value of its map, of `HeldReport.sigma`; NaN there too.
+        q: (N, N, n) joint positions [rad] or [m].
+    """
+
+    configuration: Configuration
+    target: Target | None
+    mode: BaseMode
+    axes: tuple[str, str]
+    moves: Array
+    distance: Array
+    sigma_min: Array
+    q: Array
+
+    not_checked = "collisions, and postures to which what is held does not lead along this grid"
+
+    def describe(self) -> Description:
+        """Describe how much of the grid is closed, and the least distance on it."""
+        arm = self.configuration.arm
+        there = np.isfinite(self.sigma_min)
+        least = float(np.min(self.distance, initial=np.inf, where=there))
+        what = self.target.name if self.target else "the fixed world"
+        facts = {
+            f"moved along {axis}": Measure(moves[[0, -1]], "m" if len(axis) == 1 else "rad")
+            for axis, moves in zip(self.axes, self.moves, strict=True)
+        }
+        facts["least distance, to first order"] = Measure(least, "rad")
+        return Description(
+            title=f"{arm.name} holding {what}, {self.mode}: over {' and '.join(self.axes)}",
+            verdict=f"{100.0 * there.mean():.3g} % of the grid closes",
+            tables=[Table.facts(facts)],
+            not_checked=self.not_checked,
+        )
+
+
+def closed_map(
+    cfg: Configuration,
+    target: Target | None,
+    closure: Closure,
+    axes: tuple[str, str],
+    span: tuple[float, float],
+    points: int,
+    mode: BaseMode,
+    progress: Progress | None,
+) -> ClosedMap:
+    """Map a closed chain; arguments as of `Held.map`.
+
+    Each posture is closed from a neighbour, from the middle on.
+
+    Raises:
+        ConfigurationError: An axis is no row of the task, or span or points is not valid.
+    """
+    task, mode = cfg.arm.task, "fixed" if target is None else mode
+    for axis in axes:
+        if axis not in task.rows:
+            raise ConfigurationError(f"axes: {unknown('row', axis, task.rows)}")
+    if axes[0] == axes[1] or min(span) <= 0.0 or not np.isfinite(span).all():
+        raise ConfigurationError(
+            f"axes are {axes} and span {span}; give two rows, and how far to move along each"
+        )
+    if points % 2 == 0 or not 3 <= points <= MOST_POINTS:
+        raise ConfigurationError(f"points is {points}; give an odd number, 3 to {MOST_POINTS}")
+    rows = replace(task, tips=1).jacobian(np.eye(6), cfg.base.rotation)
+    ways = [rows[task.rows.index(axis)] / np.linalg.norm(rows[task.rows.index(axis)])
+            for axis in axes]  # fmt: skip
+    moves = np.outer(span, np.linspace(-1.0, 1.0, points))
+    home, middle = target.pose if target else cfg.base, points // 2
+    distance, sigma = np.full((2, points, points), np.nan)
+    Q = np.full((points, points, cfg.arm.n), np.nan)
+    for count, (i, j, k, l) in enumerate(_outwards(points)):
+        start = cfg.q if (i, j) == (middle, middle) else Q[k, l]
+        if np.isfinite(start).all():
+            by = moves[0, i] * ways[0] + moves[1, j] * ways[1]
+            pose = pin.SE3(pin.exp3(by[3:]) @ home.rotation, home.translation + by[:3])
+            X = cfg.base.actInv(pose) if target else pose.inverse()
+            q, _ = closure.solved(start, X)
+            tips = kinematics(cfg.arm, q.copy(), pin.SE3.Identity()).tips
+            gaps = [tip.actInv(X * F) for tip, F in zip(tips, closure.grasps, strict=True)]
+            if max(float(np.linalg.norm(pin.log6(gap).vector)) for gap in gaps) <= OPEN:
+                there, held = placed(cfg, target, q, X)
+                closed = closed_motions(there, held, mode)
+                distance[i, j] = closed_distances(there, closed, mode).distances[-1]
+                sigma[i, j] = np.linalg.svd(closed.held, compute_uv=False)[-1]
+                Q[i, j] = q
+        if progress:
+            progress(count + 1, points**2)
+    return ClosedMap(cfg, target, mode, axes, moves, distance, sigma, Q)
+
+
+def _outwards(points: int) -> Iterator[tuple[int, int, int, int]]:
+    """Yield the indices of a grid, and those of a neighbour that came before; the middle first."""
+    middle = points // 2
+    order = sorted(range(points), key=lambda i: abs(i - middle))
+    for i in order:
+        for j in order:
+            inner = int(np.sign(middle - j))
+            k = i if inner else i + int(np.sign(middle - i))
+            yield i, j, k, j + inner

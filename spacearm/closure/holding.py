@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Progress, generator
 from spacearm.closure.closing import Closure, placed
-from spacearm.closure.held_report import HeldReport, held_report
+from spacearm.closure.held_report import ClosedMap, HeldReport, closed_map, held_report
 from spacearm.closure.target_paths import Carrying, FollowedTarget, Frame, follow_target
 from spacearm.closure.target_runs import TargetRun, simulate_target
 from spacearm.description.loops import closed_chain
@@ -110,6 +110,40 @@ class Held(Result):
         """
         return held_report(
             self.configuration, self.target, self.grasps, mode, tolerance, exact, progress
+        )
+
+    def map(
+        self,
+        axes: tuple[str, str] = ("x", "y"),
+        span: tuple[float, float] = (0.5, 0.5),
+        points: int = 31,
+        *,
+        mode: BaseMode = FLOATING,
+        limits: bool = True,
+        progress: Progress | None = None,
+    ) -> ClosedMap:
+        """Map how far singular postures are while what is held moves in two directions.
+
+        Each posture of the grid is closed from its neighbour, from this one on; of arms with more
+        joints than they need it is one of many. Of the fixed world it is the spacecraft that moves.
+
+        Args:
+            axes: The two directions, rows of the task: "x", "y", "z", "rx", "ry", "rz".
+            span: How far it moves to both sides [m], or turns [rad].
+            points: Number of points along each, an odd number.
+            mode: As of `report`.
+            limits: Whether the joints stay within their limits.
+            progress: Called with the number of postures done, and of all.
+
+        Returns:
+            Distances to first order and least singular values, which `sa.plot` draws.
+
+        Raises:
+            ConfigurationError: A value is not valid.
+        """
+        closure = Closure(self.arm, tuple(self.grasps.values()), True, limits)
+        return closed_map(
+            self.configuration, self.target, closure, axes, span, points, mode, progress
         )
 
     def follow(

@@ -10,6 +10,7 @@ from matplotlib.patches import Rectangle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
+from spacearm.closure.held_report import ClosedMap
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.model.arm import SpaceArm
 from spacearm.planning.result import Connection
@@ -32,6 +33,8 @@ from spacearm.singularities.map import SingularMap
 
 FAR = 45.0
 """Distance beyond which the colours of a map do not change [deg]."""
+FIRST_ORDER = "joint motion to a singular posture, to first order [deg]"
+"""What the colours of a map are."""
 ENDLESS = 3.0 * np.pi
 """Where the outline of a range without end is drawn, out of sight [rad]."""
 SCALES = (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0)
@@ -68,9 +71,8 @@ def draw_map(result: SingularMap, axes: Any, *, box: FreeBox | None = None) -> N
         cmap="cividis",
         rasterized=True,
     )
-    label = "joint motion to a singular posture, to first order [deg]"
     axes.figure.colorbar(
-        image, ax=axes, label=label, shrink=0.9, extend="max" if most > far else "neither"
+        image, ax=axes, label=FIRST_ORDER, shrink=0.9, extend="max" if most > far else "neither"
     )
     _draw_curves(axes, result.curves or [])
     _angle_axes(axes, result.joints)
@@ -83,6 +85,30 @@ def draw_map(result: SingularMap, axes: Any, *, box: FreeBox | None = None) -> N
     )
     where = f"\n{held} deg, others 0" if held else ""
     entitle(axes, f"{result.arm}: {what}{where}")
+
+
+@draws(ClosedMap, size=(7.2, 6.0))
+def draw_closed_map(result: ClosedMap, axes: Any) -> None:
+    """Draw how far singular postures are while what is held moves in two directions.
+
+    Args:
+        result: The map; what is white does not close.
+        axes: Where it is drawn.
+    """
+    turns = [len(axis) > 1 for axis in result.axes]
+    x, y = (np.degrees(m) if t else m for m, t in zip(result.moves, turns, strict=True))
+    distance = np.degrees(result.distance.T)
+    most = float(np.max(distance, initial=0.0, where=np.isfinite(distance)))
+    far = next((scale for scale in SCALES if most <= scale), FAR)
+    image = axes.pcolormesh(
+        x, y, np.minimum(distance, far), vmin=0.0, vmax=far, cmap="cividis", rasterized=True
+    )
+    axes.figure.colorbar(image, ax=axes, label=FIRST_ORDER, shrink=0.9)
+    units = ["deg" if turn else "m" for turn in turns]
+    axes.set_xlabel(f"moved along {result.axes[0]} [{units[0]}]")
+    axes.set_ylabel(f"moved along {result.axes[1]} [{units[1]}]")
+    axes.plot(0.0, 0.0, "+", color=RED)
+    entitle(axes, result.describe().headline)
 
 
 @draws(SingularSet)
