@@ -206,12 +206,11 @@ def test_with_momentum_on_board_it_catches_as_simulated(mode):
 def test_wheels_that_cannot_hold_the_target_are_named():
     """Capacity and torque below what the target brings: each contact says which wheel, and why."""
     start = sa.load("chaser7").at(START)
-    for small, words in (({"capacity": 0.2}, "hold"), ({"torque": 1e-4}, "too long")):
+    for small in ({"capacity": 0.2}, {"torque": 1e-4}):
         wheels = sa.WheelHold(stiffness=0.0, damping=0.0, **small)
         kept = sa.Constraints(wheels=wheels)
-        with pytest.raises(sa.NoSolutionError, match="wheel") as caught:
+        with pytest.raises(sa.NoSolutionError, match=r"wheel about . at most"):
             sa.catch(start, tumbling(start), window=(12, 12), mode=HELD, constraints=kept)
-        assert words in str(caught.value)
 
 
 @pytest.mark.slow
