@@ -605,8 +605,9 @@ class Trajectory(Motion, kw_only=True):
     def __repr__(self) -> str:
         first = f", first {self.events[0].kind} at {self.events[0].t:.4g} s" if self.events else ""
         called = "".join(f"; {reason}" for reason in self.called)
+        kind = type(self).__name__
         return (
-            f"Trajectory({self.arm.label}, {self.mode}: {self.t[-1]:.6g} s, {len(self.t)} times, "
+            f"{kind}({self.arm.label}, {self.mode}: {self.t[-1]:.6g} s, {len(self.t)} times, "
             f"ended by {self.ended}{first}{called})"
         )
 
