@@ -20,6 +20,8 @@ from spacearm.closure.closing import Closure, placed
 from spacearm.closure.held_report import ClosedMap, HeldReport, closed_map, held_report
 from spacearm.closure.target_paths import Carrying, FollowedTarget, Frame, follow_target
 from spacearm.closure.target_runs import TargetRun, simulate_target
+from spacearm.collisions.obstacles import ObstacleLike
+from spacearm.collisions.separation import CollisionReport, contacts_of
 from spacearm.description.loops import closed_chain
 from spacearm.errors import ConfigurationError, NoSolutionError, listed
 from spacearm.mechanics.target import Target
@@ -240,6 +242,38 @@ class Held(Result):
             self._carrying, controller, duration, dq=dq, squeeze=squeeze, bears=bears,
             integration=integration, progress=progress,
         )  # fmt: skip
+
+    def collision_check(
+        self,
+        motion: Motion | None = None,
+        obstacles: ObstacleLike | Sequence[ObstacleLike] = (),
+        *,
+        progress: Callable[[float, float], object] | None = None,
+    ) -> CollisionReport:
+        """Check whether arms, spacecraft and target meet each other or obstacles.
+
+        Hands may touch the target; it is checked as `sa.collision_check` does.
+
+        Args:
+            motion: A motion of the target, from `follow` or `simulate`; this posture if None.
+            obstacles: What must not be met besides; see `plan`.
+            progress: Called after every sample as progress(done, samples).
+
+        Returns:
+            Whether they stay apart, where not, and the distances at the samples.
+
+        Raises:
+            ConfigurationError: It is the motion of another arm.
+            UnsupportedError: The fixed world is held, or no two bodies have shapes that could meet.
+        """
+        carrying = self._carrying
+        if motion is not None and set(motion.arm.tree.links) != set(carrying.arm.tree.links):
+            raise ConfigurationError(
+                f"motion is one of {motion.arm.name}, not of it with this target; give one as "
+                "Held.follow makes it"
+            )
+        thing = carrying.start if motion is None else motion
+        return contacts_of(thing, obstacles, carrying.touching, progress=progress)
 
     def after(self, motion: Motion) -> Held:
         """Return how the target is held where a motion of it ends.

@@ -24,8 +24,6 @@ from spacearm.arrays import Array
 from spacearm.closure.closed_motions import closed_motions
 from spacearm.closure.closing import Closure
 from spacearm.closure.held_report import closed_distances
-from spacearm.collisions.obstacles import Obstacle
-from spacearm.collisions.separation import Collisions
 from spacearm.description.tree import free_name
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.jacobian import generalized_jacobian
@@ -128,16 +126,13 @@ class Carrying:
         closed = closed_motions(hands, held, mode)
         return float(closed_distances(hands, closed, mode).distances[-1])
 
-    def collisions(self, obstacles: Sequence[Obstacle]) -> Collisions:
-        """Return the bodies that must not meet; hands may touch the target that they hold."""
+    @property
+    def touching(self) -> list[frozenset[str]]:
+        """Pairs of links that may touch: hands and the target that they hold."""
         tree = self.arm.tree
         hands = {tree.body_of[tip] for tip in self.arm.tips}
         holding = {link for link in tree.links if tree.body_of[link] in hands}
-        return Collisions(
-            self.arm,
-            obstacles,
-            [frozenset((a, b)) for a in self._parts for b in holding - self._parts],
-        )
+        return [frozenset((a, b)) for a in self._parts for b in holding - self._parts]
 
     def account(self, rows: Sequence[Configuration]) -> dict[str, Array]:
         """Return target, gap and gap_angle of the rows of a motion, by these names."""

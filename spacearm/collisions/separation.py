@@ -369,13 +369,24 @@ def collision_check(
         >>> sa.collision_check(sa.load("planar2").at([0.3, 0.2]), box).apart
         False
     """
+    return contacts_of(thing, obstacles, progress=progress)
+
+
+def contacts_of(
+    thing: Configuration | Motion,
+    obstacles: ObstacleLike | Sequence[ObstacleLike],
+    touching: Collection[frozenset[str]] = (),
+    *,
+    progress: Callable[[float, float], object] | None = None,
+) -> CollisionReport:
+    """Check bodies as `collision_check`, with pairs of links that may touch."""
     motion: SweptMotion
     if isinstance(thing, Configuration):
         motion = Floating([thing], np.zeros(1))
     else:
         flown = getattr(thing, "swept", None)
         motion = flown if isinstance(flown, SweptMotion) else Recorded(Motion.of(thing))
-    bodies = Collisions(motion.arm, obstacles_of(obstacles, motion.arm))
+    bodies = Collisions(motion.arm, obstacles_of(obstacles, motion.arm), touching)
     if not bodies:
         raise UnsupportedError(f"{motion.arm.name}: {bodies.account}; there is nothing to check")
     least = []

@@ -183,3 +183,38 @@ def test_where_the_spacecraft_is_does_not_count():
     ends = [one.follow([there], limits=False).q[-1] for one, there in
             ((held, goal), (moved, by * goal))]  # fmt: skip
     np.testing.assert_allclose(ends[1], ends[0], atol=1e-6)
+
+
+@pytest.mark.slow
+def test_bodies_that_meet_on_the_way_are_named():
+    """A panel goes up by 0.1 m towards a ball, from which it ends a little apart, or not."""
+    arm = sa.load("dual_ur5", tip=["left", "right"])
+    panel = sa.Target(sa.Bus(90, size=(0.1, 1.0, 0.5), name="panel"), sa.pose((0.7, 0, 0.9)))
+    sides, forward = (("left", 0.35), ("right", -0.35)), (0, np.pi / 2, 0)
+    handles = {tip: sa.pose((-0.15, y, 0), forward) for tip, y in sides}
+    start = arm.at([-0.2, -1.4, 1.4, 0, 1.4, -1.6] * 2)
+    held = sa.hold(start, panel, handles, fixed=True)
+    way = held.follow([panel.pose * sa.pose((0, 0, 0.1))], speed=0.05)
+    assert way.ended == "arrived"
+    assert held.collision_check(way).apart
+    for gap in (0.02, -0.02):
+        above = 0.25 + 0.1 + 0.05 + gap  # half the panel, its way, and the ball
+        ball = sa.Obstacle.sphere(0.05, panel.pose * sa.pose((0, 0, above)))
+        report = held.collision_check(way, ball)
+        assert report.apart == (gap > 0)
+        assert held.collision_check(None, ball).apart
+    assert any("panel" in link for link in report.contact.links)
+    assert report.contact.t > 0
+    with pytest.raises(sa.ConfigurationError, match="with this target"):
+        held.collision_check(sa.Motion(held.arm, [0.0], [held.q], [[0, 0, 0, 0, 0, 0, 1]]))
+
+
+def test_what_a_hand_does_not_hold_must_not_meet_the_target():
+    """The same panel, so thick that it reaches into the forearms; hands may be in it."""
+    arm = sa.load("dual_ur5", tip=["left", "right"])
+    start = arm.at([-0.2, -1.4, 1.4, 0, 1.4, -1.6] * 2)
+    for thick, apart in ((0.3, True), (1.3, False)):
+        panel = sa.Target(sa.Bus(90, size=(thick, 1.0, 0.5)), sa.pose((0.7, 0, 0.9)))
+        sides, forward = (("left", 0.35), ("right", -0.35)), (0, np.pi / 2, 0)
+        handles = {tip: sa.pose((-0.15, y, 0), forward) for tip, y in sides}
+        assert sa.hold(start, panel, handles, fixed=True).collision_check().apart == apart
