@@ -16,6 +16,7 @@ import math
 import re
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
+from itertools import chain
 
 import numpy as np
 import pinocchio as pin
@@ -88,8 +89,8 @@ class _Branch:
         reach = max((_length(b.first.origin) + b.extent for b in behind), default=0.0)
         self.first: Joint = first
         self.joints: list[Joint] = [first] if first.movable else []
-        self.joints += [joint for b in behind for joint in b.joints]
-        self.links: list[str] = [first.child, *(link for b in behind for link in b.links)]
+        self.joints += chain.from_iterable(b.joints for b in behind)
+        self.links: list[str] = [first.child, *chain.from_iterable(b.links for b in behind)]
         self.mass: float = sum((b.mass for b in behind), 0.0 if part is None else part.mass)
         self.extent: float = max(reach, 0.0 if part is None else _length(part.origin))
 

@@ -143,6 +143,7 @@ def results(few):
         "a free box": (sa.free_box(cfg), 1),
         "free boxes of two joints": (sa.free_boxes(planar, most=400), 1),
         "free boxes": (sa.free_boxes(spatial, most=50), 1),
+        "a map of a closed chain": (held().map(points=5), 1),
         "a connection": (sa.connected(planar.at([0.3, 1.2]), planar.at([0.4, 1.2])), 1),
         **{what: (store, 1 + ("one arm" in what)) for what, store in stores().items()},
     }
@@ -219,7 +220,7 @@ def test_drawings_go_into_given_axes_and_subfigures(results):
         panels = [mine.add_subplot(1, len(kinds), i + 1, projection=k) for i, k in enumerate(kinds)]
         assert plot(thing, ax=panels if len(panels) > 1 else panels[0]) is mine, what
         for axes in panels:
-            assert axes.has_data() or axes.patches or axes.collections, what
+            assert axes.has_data() or axes.patches or axes.collections or axes.texts, what
         whole = Figure()
         left, right = whole.subfigures(1, 2)
         assert plot(thing, ax=right) is whole, what
