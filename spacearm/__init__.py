@@ -73,8 +73,8 @@ from importlib import import_module
 from pathlib import Path
 
 _STUB = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+#: The module that holds each public name, as the stub says; imported when first used.
 _HOMES = {name: home for home, name in re.findall(r"from (\S+) import \(?\s*(\w+) as", _STUB)}
-"""The module that holds each public name, as the stub says; imported when first used."""
 
 __all__ = sorted(["__version__", *_HOMES])
 

@@ -16,22 +16,22 @@ import numpy.typing as npt
 from spacearm.errors import ConfigurationError
 from spacearm.signatures import checked, shown
 
+#: Shapes stand in the docstrings.
 Array: TypeAlias = npt.NDArray[np.floating[Any]]
-"""Shapes stand in the docstrings."""
+#: Called as progress(done, total).
 Progress: TypeAlias = Callable[[int, int], object]
-"""Called as progress(done, total)."""
 
+#: Largest length, mass, inertia or joint position that is accepted, in SI units: larger ones are
+#: mistakes and would overflow.
 LARGEST = 1e12
-"""Largest length, mass, inertia or joint position that is accepted, in SI units: larger ones are
-mistakes and would overflow."""
+#: What conversions to an array raise: RuntimeError is that of tensors that want a gradient.
 NO_NUMBERS = (TypeError, ValueError, RuntimeError)
-"""What conversions to an array raise: RuntimeError is that of tensors that want a gradient."""
+#: Least mass of a body [kg]: Pinocchio divides by masses.
 LEAST_MASS = 1e-12
-"""Least mass of a body [kg]: Pinocchio divides by masses."""
 
+#: Most links of a robot, fixed ones too: more are mistakes, and Pinocchio's frames cost the square
+#: of their number.
 MOST_LINKS = 10_000
-"""Most links of a robot, fixed ones too: more are mistakes, and Pinocchio's frames cost the square
-of their number."""
 
 
 @singledispatch

@@ -15,15 +15,15 @@ from traceback import walk_stack
 from types import FrameType
 from typing import Any
 
+#: Names that a message lists.
 MOST_NAMES = 10
-"""Names that a message lists."""
+#: Characters of a name in a list, and of a message.
 LONGEST_NAME, LONGEST = 60, 4000
-"""Characters of a name in a list, and of a message."""
+#: Characters that move a terminal's cursor, turn its text round or cannot be written; tabs and
+#: line ends may be.
 UNPRINTABLE = re.compile(
     r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
 )
-"""Characters that move a terminal's cursor, turn its text round or cannot be written; tabs and
-line ends may be."""
 
 
 class SpaceArmError(Exception):

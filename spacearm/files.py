@@ -14,8 +14,8 @@ from typing import Any, BinaryIO
 
 from spacearm.errors import SpaceArmError
 
+#: Largest size of a file that people write: a URDF, a study, a list of points [bytes].
 LARGEST_TEXT = 10**7
-"""Largest size of a file that people write: a URDF, a study, a list of points [bytes]."""
 
 
 def opened(path: Path) -> BinaryIO:

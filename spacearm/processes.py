@@ -34,10 +34,10 @@ COMMAND = (
     "import sys; sys.path[:] = filter(None, sys.path); "  # as -P from Python 3.11 on
     "from spacearm.processes import serve; serve()",
 )
+#: Each process computes on one core: there may be as many processes as cores.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Each process computes on one core: there may be as many processes as cores."""
+#: Least time between two reports of progress [s].
 PACE = 0.1
-"""Least time between two reports of progress [s]."""
 
 
 class WorkerError(Exception):

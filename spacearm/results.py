@@ -20,21 +20,21 @@ from spacearm.arrays import Array, plain
 from spacearm.errors import LONGEST_NAME, shortened
 from spacearm.signatures import checked, dataclass_transform
 
+#: How angles are written; "both" is degrees, and radians too where the cell has the unit.
 Angles: TypeAlias = Literal["rad", "deg", "both"]
-"""How angles are written; "both" is degrees, and radians too where the cell has the unit."""
 Number: TypeAlias = float | np.floating[Any] | np.integer[Any]
+#: How good an answer is; empty if it is neither.
 Tone: TypeAlias = Literal["", "good", "caution", "bad"]
-"""How good an answer is; empty if it is neither."""
+#: Share of the largest number of a vector up to which others are taken for rounding.
 NOISE = 1e-12
-"""Share of the largest number of a vector up to which others are taken for rounding."""
+#: Numbers of a vector up to this are taken for rounding too.
 LEAST = 1e-15
-"""Numbers of a vector up to this are taken for rounding too."""
+#: Characters of a cell of a table, and of a sentence: names in files may have any length.
 LONGEST_CELL, LONGEST_NOTE = 240, 2000
-"""Characters of a cell of a table, and of a sentence: names in files may have any length."""
+#: Events that are shown.
 MOST_EVENTS = 10
-"""Events that are shown."""
+#: What words end at, as it stands in a set of a regular expression.
 ENDS = r"_\-./: "
-"""What words end at, as it stands in a set of a regular expression."""
 
 
 class Measure(NamedTuple):
@@ -204,8 +204,8 @@ class Result(Described):
     """
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
+    #: Names that fields have in `to_dict` where their own mean something else in other results.
     JSON: ClassVar[Mapping[str, str]] = {}
-    """Names that fields have in `to_dict` where their own mean something else in other results."""
 
     def __init_subclass__(cls, **options: bool) -> None:
         for name in {"describe"} & vars(cls).keys():

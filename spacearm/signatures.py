@@ -34,9 +34,10 @@ else:
 
 
 F = TypeVar("F", bound=Callable[..., Any])
+#: An annotation; the types of typing have no common one.
 Hint = Any
-"""An annotation; the types of typing have no common one."""
 
+#: What to give where an object of a class is wanted.
 GIVE = {
     "SpaceArm": "an arm: arm = sa.load(...)",
     "Configuration": "a configuration: arm.at(q)",
@@ -57,23 +58,22 @@ GIVE = {
     "float": "a number",
     "str": "a text",
 }
-"""What to give where an object of a class is wanted."""
+#: Letters of shapes in docstrings that the object of a method tells, or its arm.
 STATED = ("n", "tips")
-"""Letters of shapes in docstrings that the object of a method tells, or its arm."""
+#: Attributes of an object that may be what is wanted instead of it.
 PARTS = ("arm", "configuration", "q")
-"""Attributes of an object that may be what is wanted instead of it."""
+#: Kinds of parameters that are given without their names.
 IN_ORDER = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-"""Kinds of parameters that are given without their names."""
+#: Characters of a value in a message.
 MOST_SHOWN = 60
-"""Characters of a value in a message."""
+#: Characters of a docstring in a message.
 MOST_TOLD = 160
-"""Characters of a docstring in a message."""
+#: Entries of a sequence or mapping that are looked at.
 MOST_TRIED = 1000
-"""Entries of a sequence or mapping that are looked at."""
+#: Kinds that are written as they are, where they are short.
 SHORT = (Real, complex, list, tuple, dict, set, np.ndarray, os.PathLike, types.NoneType)
-"""Kinds that are written as they are, where they are short."""
+#: What hands on what its users gave.
 FRONT_ENDS = ("spacearm.cli", "spacearm.viewer", "spacearm.sweeps")
-"""What hands on what its users gave."""
 
 
 class _Anything(type):

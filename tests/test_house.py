@@ -96,6 +96,13 @@ def test_every_module_says_what_it_is():
         assert ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))), named(path)
 
 
+def test_what_constants_mean_stands_above_them():
+    for path in MODULES:
+        for statement in ast.parse(path.read_text(encoding="utf-8")).body[1:]:
+            said = isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
+            assert not said, f"{named(path)}, line {statement.lineno}: say it above, after #:"
+
+
 def test_the_package_shows_its_public_names_and_nothing_else():
     assert dir(sa) == sorted(sa.__all__)
     page = pydoc.plain(pydoc.render_doc(sa))

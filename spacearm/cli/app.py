@@ -20,6 +20,7 @@ from typer.main import get_command
 from spacearm.cli.wording import INTERRUPTED, NUMBER, in_own_words, join_numbers
 from spacearm.errors import SpaceArmError, printable
 
+#: Name and place of each command, and its summary.
 TABLE = """
 models: models.list_models
     List the models of the catalogue, and arms to mount on a bus.
@@ -78,14 +79,13 @@ capture: queries.compute_capture
 sweep: sweeps.run_study
     Compute a study chunk by chunk, or resume one that was stopped.
 """
-"""Name and place of each command, and its summary."""
+#: The same by name: a module is imported when its command is called.
 COMMANDS = {
     name: (place, summary) for name, place, summary in re.findall(r"(\w+): (\S+)\n    (.+)", TABLE)
 }
-"""The same by name: a module is imported when its command is called."""
 HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
+#: Commands without numbers: whatever starts with a minus sign is an option.
 NO_NUMBERS = ("models", "sweep")
-"""Commands without numbers: whatever starts with a minus sign is an option."""
 
 
 class LazyGroup(TyperGroup):

@@ -37,8 +37,8 @@ T = TypeVar("T")
 U = TypeVar("U", float, None)
 Three: TypeAlias = tuple[float, float, float]
 
+#: Density [kg/m^3] of a bus whose size is not given: that of small spacecraft.
 BUS_DENSITY = 200.0
-"""Density [kg/m^3] of a bus whose size is not given: that of small spacecraft."""
 
 
 def complete_model(incomplete: str) -> list[tuple[str, str]]:
@@ -106,6 +106,7 @@ NoLimits = Annotated[bool, typer.Option("--no-limits", help="Ignore joint limits
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON: SI units, radians.")]
 
 
+#: The options by which an answer is told, as parameters of a command.
 TOLD = {
     name: inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
     for name, kind, default in (
@@ -113,7 +114,6 @@ TOLD = {
         ("deg", bool, False), ("as_json", AsJson, False),
     )
 }  # fmt: skip
-"""The options by which an answer is told, as parameters of a command."""
 Written = Annotated[Path | None, typer.Option(callback=to_write)]
 ENTRY = re.compile(r"^ {4}(\w+)(?: \((.+?)\))?: (.+(?:\n {8}.+)*)", re.MULTILINE)
 

@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from spacearm.viewer.viewer import Viewer
 
 T = TypeVar("T")
+#: Width of a file or a pipe, in columns, so that no line is folded.
 WIDE = 1000
-"""Width of a file or a pipe, in columns, so that no line is folded."""
 
 
 class Terminal(Console):
@@ -69,8 +69,8 @@ out = Terminal(width=None if sys.stdout and sys.stdout.isatty() else WIDE)
 
 err = Terminal(stderr=True, width=None if sys.stderr and sys.stderr.isatty() else WIDE)
 
+#: Seconds after which a command tells what it does where stderr is no terminal, and how often.
 FIRST, EVERY = 2.0, 10.0
-"""Seconds after which a command tells what it does where stderr is no terminal, and how often."""
 STYLES: Mapping[Tone, str] = {
     "": "", "good": "bold green", "caution": "bold yellow", "bad": "bold red"
 }  # fmt: skip

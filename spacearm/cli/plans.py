@@ -29,14 +29,14 @@ from spacearm.errors import listed
 from spacearm.motion.goal import Goal, goal_of
 from spacearm.sweeps.toml import Table
 
+#: Keys of a question about a path besides its start.
 FOLLOWED = ("origin", "mode", "speed", "at_rest", "limits")
-"""Keys of a question about a path besides its start."""
+#: Exit status where the tip cannot be led to the end.
 STOPPED = 3
-"""Exit status where the tip cannot be led to the end."""
+#: Arguments that are taken from a table as they are.
 PLAIN = ("duration", "mode", "origin", "final_twist")
-"""Arguments that are taken from a table as they are."""
+#: Keys of the question that a plan and a detumbling have in common.
 KEYS = ("start", "goal", "final_attitude", "duration", "origin", "constraints", "search")
-"""Keys of the question that a plan and a detumbling have in common."""
 
 
 def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Callable[..., int]:

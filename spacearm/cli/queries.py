@@ -26,8 +26,8 @@ from spacearm.singularities.nearest import angle, distances_found
 from spacearm.singularities.report import TOLERANCE
 from spacearm.singularities.sets import prove_regular
 
+#: Exit code of --fail-on-singular.
 SINGULAR = 3
-"""Exit code of --fail-on-singular."""
 Fail = Annotated[
     bool,
     typer.Option(

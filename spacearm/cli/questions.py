@@ -32,10 +32,10 @@ With = Annotated[
         metavar="FILE.toml|KEY=VALUE",
     ),
 ]
+#: Gains of the controllers that take them, where none are given.
 GAINS = {"kp": 5.0, "kd": 15.0, "gain": 1.0}
-"""Gains of the controllers that take them, where none are given."""
+#: Kinds of obstacles.
 SHAPES = ("box", "sphere", "cylinder", "mesh", "robot")
-"""Kinds of obstacles."""
 
 
 def question(given: Sequence[str] | None, *names: str, **options: Any) -> Table:

@@ -21,8 +21,8 @@ from spacearm.servo.watching import recorded
 from spacearm.sweeps.motion_tables import read_integration, read_phases, read_plant, read_sampling
 from spacearm.sweeps.toml import Table
 
+#: Arguments of `simulate` that are taken from a table as they are.
 PLAIN = ("mode", "origin", "stop", "dq")
-"""Arguments of `simulate` that are taken from a table as they are."""
 OBJECTS = ("start", "controller", "duration", "plant", "sampling", "integration")
 
 
@@ -125,8 +125,8 @@ def _ended(run: sa.Trajectory | sa.Flight, done: str) -> int:
     return 0
 
 
+#: Exit code where a state was nearer than --stop, or made no sense.
 TOO_NEAR = 3
-"""Exit code where a state was nearer than --stop, or made no sense."""
 
 
 @opt.on_a_model

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
+#: Exit code after Ctrl-C, as shells have it.
 INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
+#: What messages name in the words of Python, and the options that do the same.
 OPTIONS: dict[str, str | Callable[[re.Match[str]], str]] = {
     r"\bsa\.mount\('[^']*', sa\.Bus\(mass=\.\.\., size=\.\.\.\)\)": "--bus KG",
     r"xacro_args=\{(.*?)\}": lambda found: " ".join(
@@ -39,9 +40,8 @@ OPTIONS: dict[str, str | Callable[[re.Match[str]], str]] = {
     r"write its quantities for other programs by to_xarray\(\)\.to_netcdf\(path\)": "print its "
     "quantities for other programs by --json",
 }
-"""What messages name in the words of Python, and the options that do the same."""
+#: Options that take as many numbers as the arm needs.
 VECTORS = ("--target", "--goal", "--corner")
-"""Options that take as many numbers as the arm needs."""
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 

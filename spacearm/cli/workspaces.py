@@ -18,8 +18,8 @@ from spacearm.results import Column, Described, Description, Table
 from spacearm.workspaces.design import unit_of, workspaces
 from spacearm.workspaces.path_dependent import EFFORT
 
+#: Values of a range whose number is not given.
 COUNT = 9
-"""Values of a range whose number is not given."""
 
 Effort = Annotated[
     int | None,

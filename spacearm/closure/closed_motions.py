@@ -24,8 +24,8 @@ from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_scales
 
+#: Share of the largest singular value up to which one is rounding: grasps close to that.
 ROUNDING = 1e-9
-"""Share of the largest singular value up to which one is rounding: grasps close to that."""
 
 
 class ClosedMotions(NamedTuple):

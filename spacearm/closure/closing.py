@@ -18,12 +18,12 @@ from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.joints import joint_scales
 
+#: Most steps, and the shares of each that are tried.
 STEPS, SHARES = 50, 0.5 ** np.arange(8)
-"""Most steps, and the shares of each that are tried."""
+#: Longest step [rad], and what may be left open.
 STRIDE, CLOSE = 0.5, 1e-14
-"""Longest step [rad], and what may be left open."""
+#: Damping of the steps, by the square of what is open.
 DAMPING = 1e-3
-"""Damping of the steps, by the square of what is open."""
 
 
 class Closure(NamedTuple):

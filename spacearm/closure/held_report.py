@@ -40,17 +40,17 @@ from spacearm.singularities.rounding import error_bars
 
 HeldKind = Literal["regular", "closure", "kinematic", "dynamic"]
 
+#: What a unit of wrench, lost by the hands, does to the target at most if it squeezes it only.
 SQUEEZE = 1e-2
-"""What a unit of wrench, lost by the hands, does to the target at most if it squeezes it only."""
+#: Steps to the nearest singular posture at most, and the longest [rad].
 STEPS, STRIDE = 60, 0.3
-"""Steps to the nearest singular posture at most, and the longest [rad]."""
+#: Distance from the set at which a posture is singular, and the last step [rad].
 THERE, SETTLED = 1e-8, 1e-6
-"""Distance from the set at which a posture is singular, and the last step [rad]."""
 
+#: What may be left open of a closed posture.
 OPEN = 1e-9
-"""What may be left open of a closed posture."""
+#: Most points along each direction.
 MOST_POINTS = 401
-"""Most points along each direction."""
 
 
 class HeldReport(Result):

@@ -38,10 +38,10 @@ from spacearm.results import Column, Description, Measure, Result, Table, joint_
 from spacearm.signatures import checked
 from spacearm.singularities.report import TOLERANCE
 
+#: Gap up to which a grasp is closed [m], [rad].
 CLOSED = 1e-9
-"""Gap up to which a grasp is closed [m], [rad]."""
+#: Random postures from which closure is tried where the start leads to none.
 POSTURES = 20
-"""Random postures from which closure is tried where the start leads to none."""
 
 
 class Held(Result):

@@ -144,15 +144,15 @@ class Carrying:
         }
 
 
+#: In which poses of a target are given.
 Frame: TypeAlias = Literal["inertial", "spacecraft"]
-"""In which poses of a target are given."""
+#: What is told of each row of a motion with a held target.
 HELD: Mapping[str, Quantity] = {
     "target": Quantity("m, quaternion xyzw", "pose"),
     "gap": Quantity("m"),
     "gap_angle": Quantity("rad"),
     "closure_distance": Quantity("rad"),
 }
-"""What is told of each row of a motion with a held target."""
 
 
 class FollowedTarget(Followed, kw_only=True):

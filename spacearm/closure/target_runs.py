@@ -41,10 +41,10 @@ from spacearm.motion.plant import Integration
 from spacearm.motion.simulation import OUTPUTS, audit
 from spacearm.results import Column, Description, Table
 
+#: Rate at which open grasps close [1/s].
 PULL = 5.0
-"""Rate at which open grasps close [1/s]."""
+#: Share of the largest singular value up to which directions of closure are the same.
 ROUNDING = 1e-11
-"""Share of the largest singular value up to which directions of closure are the same."""
 
 
 class ClosedState(NamedTuple):
@@ -175,10 +175,10 @@ def _weight(carrying: Carrying, cfg: Configuration, v: Array, acceleration: Arra
     return np.concatenate((force, moment + np.cross(lever, force)))
 
 
+#: Share of the velocities of the tips, and velocity, up to which rates at the start are closed.
 OPENING, STILL = 1e-6, 1e-9
-"""Share of the velocities of the tips, and velocity, up to which rates at the start are closed."""
+#: Share of wrenches up to which they count as balanced.
 UNBALANCED = 1e-6
-"""Share of wrenches up to which they count as balanced."""
 ENDS = ("grasp", "joint limit")
 
 

@@ -27,14 +27,14 @@ from spacearm.description.shapes import Visuals
 from spacearm.errors import UnsupportedError, listed
 from spacearm.model.arm import SpaceArm
 
+#: Random postures; bodies that touch in all of them are taken to be joined.
 POSTURES = 64
-"""Random postures; bodies that touch in all of them are taken to be joined."""
+#: Shapes of an arm whose collisions are checked: pairs grow as the square of their number.
 MOST_BODIES = 1_000
-"""Shapes of an arm whose collisions are checked: pairs grow as the square of their number."""
+#: Distance below which bodies count as touching, as a share of the arm's reach.
 CLOSE = 1e-4
-"""Distance below which bodies count as touching, as a share of the arm's reach."""
+#: Begins what a check of collisions leaves out.
 LEFT_OUT = "NOT checked: "
-"""Begins what a check of collisions leaves out."""
 NOWHERE: Mapping[int, pin.SE3] = {}
 
 

@@ -29,8 +29,8 @@ from spacearm.motion.motion import Motion
 from spacearm.signatures import checked
 
 ORIGIN = pin.SE3.Identity()
+#: What is said of an obstacle besides its shape and pose.
 OPTIONS = ("name", "margin", "may_touch", "twist", "along")
-"""What is said of an obstacle besides its shape and pose."""
 
 
 class Part(NamedTuple):
@@ -433,8 +433,8 @@ class Obstacle:
         return f"Obstacle({self.name}: {self.kind}{moving}{kept})"
 
 
+#: What must not be met: an obstacle, a target, or the posture or motion of another robot.
 ObstacleLike: TypeAlias = Obstacle | Target | Configuration | Motion
-"""What must not be met: an obstacle, a target, or the posture or motion of another robot."""
 
 
 def obstacles_of(given: object, arm: SpaceArm) -> tuple[Obstacle, ...]:

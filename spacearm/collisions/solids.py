@@ -26,12 +26,12 @@ from spacearm.description.shapes import (
 )
 from spacearm.errors import ModelError
 
+#: Thickness below which a mesh counts as flat, as a share of its length.
 FLAT = 1e-9
-"""Thickness below which a mesh counts as flat, as a share of its length."""
+#: Thickness given to the box around a flat visual, as a share of its length.
 THIN = 1e-3
-"""Thickness given to the box around a flat visual, as a share of its length."""
+#: Corners of a circle, where round solids are drawn.
 ROUND = 24
-"""Corners of a circle, where round solids are drawn."""
 PRIMITIVES = {Box: coal.Box, Sphere: coal.Sphere, Cylinder: coal.Cylinder}
 WITHOUT = "correct that, or plan with collisions=False to do without"
 

@@ -28,8 +28,8 @@ LEAVE = """
         if (!({after}[{size}] > 0.0)) {{
             break;
         }}"""
+#: Variables declared in one line.
 DECLARED = 12
-"""Variables declared in one line."""
 
 
 class Code:

@@ -26,8 +26,8 @@ import numpy as np
 
 from spacearm.compiler.operations import MASKS, OPERATIONS, folded
 
+#: An expression, or a number that is known while tracing.
 Operand = Union["Expression", float]
-"""An expression, or a number that is known while tracing."""
 
 
 class TracingError(TypeError):
@@ -298,11 +298,11 @@ def differ(a: Any, b: Any) -> Any:
     return opposite(equal(a, b))
 
 
+#: The operations that are simplified where an operand is zero or one.
 SIMPLE: dict[str, Callable[..., Any]] = {
     "add": add, "sub": subtract, "mul": multiply, "div": divide, "neg": negative, "pow": power,
     "select": select, "and": both, "or": either, "not": opposite,
 }  # fmt: skip
-"""The operations that are simplified where an operand is zero or one."""
 
 
 def _operators(function: Callable[[Any, Any], Any]) -> tuple[Any, Any]:
@@ -502,6 +502,7 @@ def _reduced(ufunc: np.ufunc) -> Callable[..., Any]:
     return function
 
 
+#: Functions of NumPy that work element by element, for expressions.
 EACH: dict[Any, Callable[..., Any]] = {
     **{each.numpy: SIMPLE.get(name) or partial(operation, name)
        for name, each in OPERATIONS.items() if isinstance(each.numpy, np.ufunc)},
@@ -523,12 +524,12 @@ EACH: dict[Any, Callable[..., Any]] = {
     **dict.fromkeys((np.deg2rad, np.radians), lambda a: multiply(a, np.pi / 180.0)),
     **dict.fromkeys((np.rad2deg, np.degrees), lambda a: multiply(a, 180.0 / np.pi)),
 }  # fmt: skip
-"""Functions of NumPy that work element by element, for expressions."""
+#: The same for arrays of objects.
 OVER = {ufunc: np.frompyfunc(function, ufunc.nin, 1) for ufunc, function in EACH.items()}
-"""The same for arrays of objects."""
 SELECT, HOLD = np.frompyfunc(select, 3, 1), np.frompyfunc(held, 1, 1)
+#: Those whose reductions of objects call the operators of expressions.
 NATIVE = {np.add, np.subtract, np.multiply}
-"""Those whose reductions of objects call the operators of expressions."""
+#: Other functions of NumPy that are replaced; the rest does with objects what it does.
 CALLED: dict[Any, Callable[..., Any]] = {
     np.where: where,
     np.clip: _clipped,
@@ -539,9 +540,8 @@ CALLED: dict[Any, Callable[..., Any]] = {
     np.all: _reduced(np.logical_and),
     np.any: _reduced(np.logical_or),
 }
-"""Other functions of NumPy that are replaced; the rest does with objects what it does."""
+#: Between more places `row` looks up numbers of a table.
 MOST_PLACES = 64
-"""Between more places `row` looks up numbers of a table."""
 
 
 def _method(ufunc: Any) -> Any:

@@ -25,19 +25,19 @@ PREPARE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 RUN = ctypes.CFUNCTYPE(
     None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64
 )
+#: A function outside: number of the lane, what it is given, where its status and numbers go.
 OUTSIDE = ctypes.CFUNCTYPE(
     None, ctypes.c_int64, ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_double)
 )
-"""A function outside: number of the lane, what it is given, where its status and numbers go."""
+#: Each thread takes so many shares of the lanes, one after the other, since some take longer.
 SHARES = 8
-"""Each thread takes so many shares of the lanes, one after the other, since some take longer."""
+#: Levels of optimisation: the second takes LLVM five times as long, and runs twice as fast.
 QUICK, FAST = 0, 1
-"""Levels of optimisation: the second takes LLVM five times as long, and runs twice as fast."""
+#: Time for each line of code that LLVM takes for the second [s].
 SECONDS_A_LINE = 6e-5
-"""Time for each line of code that LLVM takes for the second [s]."""
 _begin, _buffer = ctypes.addressof, ctypes.c_char.from_buffer
+#: So many blocks of lanes are one share if one thread runs.
 FEW = 64
-"""So many blocks of lanes are one share if one thread runs."""
 
 
 class Kernel:

@@ -207,9 +207,9 @@ class Instructions:
         return self.new(f"shufflevector {V} {a}, {V} {b}, <{len(lanes)} x i32> <{chosen}>")
 
 
+#: Functions of the system's library.
 DECLARED = [f"declare double @{name}({', '.join(['double'] * operation.numpy.nin)})"
             for name, operation in OPERATIONS.items() if not operation.llvm]  # fmt: skip
-"""Functions of the system's library."""
 NEGATIVE, SELECT = OPERATIONS["neg"].llvm, OPERATIONS["select"].llvm
 
 

@@ -17,12 +17,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+#: Changes where what is kept can no longer be run.
 VERSION = 1
-"""Changes where what is kept can no longer be run."""
+#: Variable of the environment that names another folder; empty, nothing is kept.
 FOLDER = "SPACEARM_CACHE"
-"""Variable of the environment that names another folder; empty, nothing is kept."""
+#: Number of files that are kept; the oldest ones go.
 MOST = 2000
-"""Number of files that are kept; the oldest ones go."""
 
 
 @cache

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+#: Steps of `gradient`.
 STEP = 1e-30
-"""Steps of `gradient`."""
 
 
 def __getattr__(name: str) -> Any:

@@ -38,6 +38,7 @@ def _chosen(first: Any, slope: Any) -> tuple[Any, Any]:
     return np.where(first, slope, 0.0), np.where(first, 0.0, slope)
 
 
+#: The operations by name; functions of <math.h> by the names that they have there.
 OPERATIONS = {
     "add": Operation(np.add, "{0} + {1}", "fadd {V} {0}, {1}", lambda s, *_: (s, s)),
     "sub": Operation(np.subtract, "{0} - {1}", "fsub {V} {0}, {1}", lambda s, *_: (s, -s)),
@@ -95,7 +96,6 @@ OPERATIONS = {
         lambda s, v, a, b: (s * (b * np.power(a, b - 1.0)), s * (v * np.log(a))),
     ),
 }  # fmt: skip
-"""The operations by name; functions of <math.h> by the names that they have there."""
 MASKS = frozenset(name for name, operation in OPERATIONS.items() if operation.is_mask)
 
 
@@ -105,21 +105,21 @@ def folded(name: str, *operands: Any) -> Any:
         return (bool if name in MASKS else float)(OPERATIONS[name].numpy(*operands))
 
 
+#: Larger angles [rad], infinity and NaN are left to the system's library.
 LARGE = 1e5
-"""Larger angles [rad], infinity and NaN are left to the system's library."""
+#: pi/2 in three parts, the first two of 33 bits, so that their products with whole numbers below
+#: 2^20 are exact (Cody & Waite, Software Manual for the Elementary Functions, 1980).
 HALF_PI = 1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21
-"""pi/2 in three parts, the first two of 33 bits, so that their products with whole numbers below
-2^20 are exact (Cody & Waite, Software Manual for the Elementary Functions, 1980)."""
+#: (sin y - y) / y^3 by y^2 to |y| <= pi/4, highest power first (fdlibm, k_sin.c, Sun 1993).
 SINE = (
     1.58969099521155010221e-10, -2.50507602534068634195e-08, 2.75573137070700676789e-06,
     -1.98412698298579493134e-04, 8.33333333332248946124e-03, -1.66666666666666324348e-01,
 )  # fmt: skip
-"""(sin y - y) / y^3 by y^2 to |y| <= pi/4, highest power first (fdlibm, k_sin.c, Sun 1993)."""
+#: (cos y - 1 + y^2/2) / y^4 by y^2 (fdlibm, k_cos.c).
 COSINE = (
     -1.13596475577881948265e-11, 2.08757232129817482790e-09, -2.75573143513906633035e-07,
     2.48015872894767294178e-05, -1.38888888888741095749e-03, 4.16666666666666019037e-02,
 )  # fmt: skip
-"""(cos y - 1 + y^2/2) / y^4 by y^2 (fdlibm, k_cos.c)."""
 
 
 def sine_cosine(x: Any) -> tuple[Any, Any, Any]:

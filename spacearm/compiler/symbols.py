@@ -262,8 +262,8 @@ def _arrays(values: Iterator[Expression], shapes: Sequence[tuple[int, ...]]) -> 
     ]
 
 
+#: Operations whose derivatives are zero.
 CONSTANT = frozenset(name for name, each in OPERATIONS.items() if each.pullback is None)
-"""Operations whose derivatives are zero."""
 
 
 def derivatives(of: Operand, by: Any) -> Any:

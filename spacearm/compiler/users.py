@@ -12,10 +12,10 @@ import numpy as np
 
 from spacearm.compiler.expressions import Expression, asarray, is_symbolic, plain
 
+#: Functions of NumPy that make arrays, which may be filled with symbols.
 MADE = ("zeros", "ones", "empty", "full", "zeros_like", "ones_like", "empty_like", "full_like")
-"""Functions of NumPy that make arrays, which may be filled with symbols."""
+#: Modules whose functions keep nothing, and are run as they are.
 LIBRARIES = ("numpy", "math", "scipy", "pinocchio", "spacearm")
-"""Modules whose functions keep nothing, and are run as they are."""
 
 
 def over_symbols(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -15,11 +15,11 @@ from spacearm.arrays import LARGEST, LEAST_MASS, Array, numbers_of
 from spacearm.errors import ModelError
 from spacearm.signatures import shown
 
+#: Length [m] of a link or edge of a bus from which it is implausible: the longest spacecraft so far
+#: measures 109 m.
 LONGEST = 200.0
-"""Length [m] of a link or edge of a bus from which it is implausible: the longest spacecraft so far
-measures 109 m."""
+#: Share of the largest principal moment by which rounded data may break the triangle inequality.
 TRIANGLE_TOLERANCE = 1e-6
-"""Share of the largest principal moment by which rounded data may break the triangle inequality."""
 
 
 class Inertial(NamedTuple):

@@ -17,8 +17,8 @@ from spacearm.signatures import checked
 
 GOLD = (0.83, 0.66, 0.31, 1.0)
 STEEL = (0.55, 0.60, 0.66, 1.0)
+#: Densities of a bus [kg/m^3] that are plausible: from a tent to more than osmium.
 DENSITIES = (0.1, 25_000.0)
-"""Densities of a bus [kg/m^3] that are plausible: from a tent to more than osmium."""
 
 
 def solid_box(mass: float, inertia: Array) -> tuple[Array, Array]:

@@ -27,27 +27,27 @@ from spacearm.description.shapes import Visuals
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError, listed
 
+#: Longest finger, as a share of the way from the first joint of the arm to it.
 SHORT = 0.4
-"""Longest finger, as a share of the way from the first joint of the arm to it."""
+#: Heaviest set of fingers, as a share of the mass that the arm moves up to them.
 LIGHT = 1.0
-"""Heaviest set of fingers, as a share of the mass that the arm moves up to them."""
+#: How far the body that carries a jaw reaches along it, as a share of the jaw, if it is one.
 ALONG = 0.8
-"""How far the body that carries a jaw reaches along it, as a share of the jaw, if it is one."""
+#: Longest way that a single jaw slides that only its motion tells, as a share of the way from the
+#: first joint of the arm to it.
 STROKE = 0.1
-"""Longest way that a single jaw slides that only its motion tells, as a share of the way from the
-first joint of the arm to it."""
+#: Longest jaw that only its motion tells, as a share of that way.
 SMALL = 0.15
-"""Longest jaw that only its motion tells, as a share of that way."""
+#: How far such a jaw turns past zero, as a share of its range.
 ONE_SIDED = 0.15
-"""How far such a jaw turns past zero, as a share of its range."""
+#: Cosine of the least angle between the slide of such a jaw and the way from its palm to it.
 ACROSS = 0.7
-"""Cosine of the least angle between the slide of such a jaw and the way from its palm to it."""
+#: How many times as heavy or long as the other one of two fingers may be.
 ALIKE = 3.0
-"""How many times as heavy or long as the other one of two fingers may be."""
+#: Most joints of a finger that no name tells: of two fingers, of more, as a thumb has.
+#:
+#: An arm may have more.
 MOST_JOINTS = (3, 5)
-"""Most joints of a finger that no name tells: of two fingers, of more, as a thumb has.
-
-An arm may have more."""
 
 
 def fingers(tree: Tree) -> dict[str, tuple[str, ...]]:
@@ -272,8 +272,8 @@ def _one_sided(joint: Joint) -> bool:
     )
 
 
+#: Sine of the angle up to which two axes are parallel.
 PARALLEL = 1e-6
-"""Sine of the angle up to which two axes are parallel."""
 
 
 def parallel(tree: Tree, joints: Iterable[Joint]) -> bool:
@@ -288,29 +288,29 @@ def _length(pose: pin.SE3) -> float:
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
+#: Words of frames that tell where a tool works, the surest first.
 TIPS = (
     {"tcp"}, {"tool", "tooltip"}, {"grasp", "grasping", "pinch"},
     {"ee", "eef", "eff", "effector", "endeffector", "endpoint"}, {"tip"},
 )  # fmt: skip
-"""Words of frames that tell where a tool works, the surest first."""
+#: Words of what a tool is fastened to, or of a hand as a whole.
 HANDS = frozenset({"flange", "attachment", "hand", "palm", "gripper", "grip", "grapple"})
-"""Words of what a tool is fastened to, or of a hand as a whole."""
+#: Words of what moves in a gripper, which may be run together with others.
 FINGERS = re.compile(r"finger|thumb|jaw|claw|knuckle|phalanx|pincer")
-"""Words of what moves in a gripper, which may be run together with others."""
+#: Words of fingers beside a thumb; alone they say nothing, but no tip of an arm has them.
 DIGITS = frozenset({"index", "middle", "ring", "little", "pinky", "pinkie"})
-"""Words of fingers beside a thumb; alone they say nothing, but no tip of an arm has them."""
+#: Words of joints that open and close a gripper, unless the joint turns a wrist.
 GRASPS = frozenset({"gripper", "grip", "grasp", "grasping", "pinch"})
-"""Words of joints that open and close a gripper, unless the joint turns a wrist."""
+#: Words of what turns and is no arm.
 WHEELS = frozenset({"wheel", "wheels", "rw", "flywheel", "rotor", "propeller", "caster"})
-"""Words of what turns and is no arm."""
 WRISTS = frozenset(
     {"wrist", "roll", "pitch", "yaw", "rotate", "rotation", "pan", "tilt", "twist", "swivel"}
 )
+#: Words of frames that only measure or draw.
 SENSORS = re.compile(
     r"camera|optical|imu|sensor|laser|lidar|sonar|rgb|depth|infra|marker|led$|range$|accelero|gyro|"
     r"touch|tactile|bumper|torque|visual|collision"
 )
-"""Words of frames that only measure or draw."""
 
 
 def words(name: str) -> tuple[str, ...]:

@@ -18,10 +18,10 @@ from spacearm.description.grippers import fingers
 from spacearm.description.tree import Loop, Tree, free_name
 from spacearm.errors import ConfigurationError, ModelError, listed, unknown
 
+#: What a loop holds that holds the fixed world.
 WORLD = ""
-"""What a loop holds that holds the fixed world."""
+#: Fewest joints of an arm that the spacecraft carries, and of one that a moving body carries.
 LEAST_JOINTS, LEAST_JOINTS_OF_BRANCHES = 2, 3
-"""Fewest joints of an arm that the spacecraft carries, and of one that a moving body carries."""
 
 
 class ClosedChain(NamedTuple):

@@ -98,10 +98,10 @@ def _scaled(geometry: Geometry, factor: float) -> Geometry:
             return geometry
 
 
+#: Angles of the points on round shapes [rad].
 TURN = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-"""Angles of the points on round shapes [rad]."""
+#: Corners of the cube from 0 to 1.
 CORNERS = np.indices((2, 2, 2)).reshape(3, -1).T
-"""Corners of the cube from 0 to 1."""
 
 
 class Shape(NamedTuple):
@@ -268,21 +268,21 @@ def faces(points: Array) -> Array:
     return found
 
 
+#: Triangles of a mesh beyond which it is drawn without its smallest details.
 MANY_TRIANGLES = 800
-"""Triangles of a mesh beyond which it is drawn without its smallest details."""
+#: How many times as large as these details it is, in turn until it has no more triangles.
 CELLS = (64, 45, 32, 23, 16, 11, 8)
-"""How many times as large as these details it is, in turn until it has no more triangles."""
+#: Number of triangles that a mesh keeps at least, if it has them.
 FEWEST = 100
-"""Number of triangles that a mesh keeps at least, if it has them."""
 FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb")
+#: Largest size of a mesh file [bytes].
 LARGEST_MESH = 10**8
-"""Largest size of a mesh file [bytes]."""
+#: Largest number of triangles of a mesh: a file may place one part any number of times.
 MOST_TRIANGLES = 10**7
-"""Largest number of triangles of a mesh: a file may place one part any number of times."""
+#: Largest number of nodes of a COLLADA scene.
 MOST_NODES = 10_000
-"""Largest number of nodes of a COLLADA scene."""
+#: Turns the y axis of a mesh to z.
 Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Turns the y axis of a mesh to z."""
 
 
 def mesh_bounds(path: Path) -> Array | None:
@@ -297,8 +297,8 @@ def mesh_bounds(path: Path) -> Array | None:
         return None
 
 
+#: A vertex in the text of an STL or OBJ file.
 VERTEX = re.compile(rb"^[ \t]*v(?:ertex)?[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", re.MULTILINE)
-"""A vertex in the text of an STL or OBJ file."""
 
 
 @lru_cache(maxsize=1024)

@@ -15,10 +15,10 @@ from lxml import etree
 from spacearm.description.tree import Tree
 from spacearm.files import read, xml
 
+#: Name of the position in which a robot rests, in SRDF and MJCF.
 HOME = "home"
-"""Name of the position in which a robot rests, in SRDF and MJCF."""
+#: Folders above a robot file in which a package *moveit_config is looked for.
 ABOVE = 4
-"""Folders above a robot file in which a package *moveit_config is looked for."""
 
 
 def named_tips(tree: Tree, path: Path) -> tuple[tuple[str, ...], str]:

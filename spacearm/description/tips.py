@@ -23,11 +23,11 @@ from spacearm.description.srdf import named_tips
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, listed, require_known
 
+#: Largest number of movable joints among which a tip is looked for.
 MOST_JOINTS = 300
-"""Largest number of movable joints among which a tip is looked for."""
 
+#: Distance of two links that are at one place, as a share of the way to them.
 SAME_PLACE = 1e-6
-"""Distance of two links that are at one place, as a share of the way to them."""
 
 
 class Tips(NamedTuple):
@@ -304,8 +304,8 @@ def _named_by_srdf(
     return [found[link] for named in bodies.values() for link in _outermost(tree, named)]
 
 
+#: Which joints count: those on the way to the tips, all, or some more by name.
 Counting: TypeAlias = Literal["tip", "all"] | Collection[str]
-"""Which joints count: those on the way to the tips, all, or some more by name."""
 
 
 def hold(tree: Tree, tips: Sequence[str], joints: Counting) -> tuple[Tree, dict[str, float]]:

@@ -18,12 +18,12 @@ from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.shapes import Visuals
 from spacearm.errors import ConfigurationError, ModelError, listed, require_known, unknown
 
+#: Joints of wheels, or their largest torque [N m] and momentum [N m s] by name.
 Wheels: TypeAlias = Collection[str] | Mapping[str, Sequence[float]]
-"""Joints of wheels, or their largest torque [N m] and momentum [N m s] by name."""
+#: Name of the spacecraft's free-flyer joint, as in Pinocchio's URDF reader; numbered if taken.
 ROOT_JOINT = "root_joint"
-"""Name of the spacecraft's free-flyer joint, as in Pinocchio's URDF reader; numbered if taken."""
+#: Length of a link up to which it has none [m].
 LEAST_LENGTH = 1e-6
-"""Length of a link up to which it has none [m]."""
 
 
 class Loop(NamedTuple):

@@ -20,26 +20,26 @@ import numpy as np
 from spacearm.equations import tableaus as of
 from spacearm.equations.linear_algebra import factors, substitute
 
+#: Coefficients of the dense output of a step, for each component.
 CURVES = 7
-"""Coefficients of the dense output of a step, for each component."""
+#: Status of a run: it goes on, is at its end, has no rate, takes steps that vanish, or wants the
+#: other method.
 RUNNING, FINISHED, FAILED, COLLAPSED, CHANGES = range(5)
-"""Status of a run: it goes on, is at its end, has no rate, takes steps that vanish, or wants the
-other method."""
+#: The next step is this share of the one that would just do, between these times the last.
 SAFETY, LEAST, MOST = 0.9, 0.2, 10.0
-"""The next step is this share of the one that would just do, between these times the last."""
+#: Step times eigenvalue beyond which DOP853 is unstable; steps near it look stiff.
 STABLE = 6.1
-"""Step times eigenvalue beyond which DOP853 is unstable; steps near it look stiff."""
+#: Steps that look stiff, nearly in a row, until DOP853 gives up; steps of Rodas5P that DOP853 could
+#: have taken as cheaply until it comes back.
 STIFF, TRIAL = 15, 20
-"""Steps that look stiff, nearly in a row, until DOP853 gives up; steps of Rodas5P that DOP853 could
-have taken as cheaply until it comes back."""
+#: Steps of DOP853 after its return until stiffness counts again.
 HOLDOFF = 500
-"""Steps of DOP853 after its return until stiffness counts again."""
 ROUNDING = 2.0**-52
+#: Components up to this are differentiated as if they were of this size.
 SMALL = 1e-3
-"""Components up to this are differentiated as if they were of this size."""
 
+#: Called as rate(t, y), returns dy (N,).
 Rate = Callable[[Any, Any], Any]
-"""Called as rate(t, y), returns dy (N,)."""
 
 
 class Problem(NamedTuple):

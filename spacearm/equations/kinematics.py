@@ -117,10 +117,10 @@ class Structure:
 
 
 Z = np.array([0.0, 0.0, 1.0])
+#: Elements of a symmetric matrix (3, 3) that tell it, (6,) each.
 ROWS, COLUMNS = np.triu_indices(3)
-"""Elements of a symmetric matrix (3, 3) that tell it, (6,) each."""
+#: Which of them stands where.
 SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
-"""Which of them stands where."""
 
 
 class Posture(NamedTuple):

@@ -20,8 +20,8 @@ from spacearm.equations.kinematics import Mode, Posture, Structure, jacobian_at
 from spacearm.equations.linear_algebra import reflected, unreflected
 from spacearm.equations.turns import cross_matrix
 
+#: Cosine of the tilt below which the smallest rotation to upright is not unique.
 UPSIDE_DOWN = 1e-9 - 1.0
-"""Cosine of the tilt below which the smallest rotation to upright is not unique."""
 
 
 class Pose(NamedTuple):
@@ -109,13 +109,13 @@ def goal_step(xp: Any, A: Any, rows: tuple[int, ...], start: Any, end: Any) -> A
     return end - ((A.T @ start.translation)[np.array(rows)] if isinstance(start, Pose) else start)
 
 
+#: Half the time over which the velocity of a moving target is taken [s].
 INSTANT = 1e-6
-"""Half the time over which the velocity of a moving target is taken [s]."""
 
 
+#: Where numbers over time come from: a function that is traced, of time, or of a user's law of the
+#: array library and the `State`; "outside" where it is called as the machine code runs.
 Source = Callable[..., Any] | Literal["outside"]
-"""Where numbers over time come from: a function that is traced, of time, or of a user's law of the
-array library and the `State`; "outside" where it is called as the machine code runs."""
 
 
 class Law(NamedTuple):

@@ -84,8 +84,8 @@ def _one_less(columns: tuple[int, ...]) -> list[tuple[int, ...]]:
     return [columns[:j] + columns[j + 1 :] for j in range(len(columns))]
 
 
+#: L U, the diagonal inverted, of a matrix whose rows were exchanged: (i, j, mask) in order.
 Factors = tuple[list[list[Any]], list[tuple[int, int, Any]]]
-"""L U, the diagonal inverted, of a matrix whose rows were exchanged: (i, j, mask) in order."""
 
 
 def factors(xp: Any, A: Any) -> Factors:
@@ -123,8 +123,8 @@ def substitute(xp: Any, known: Factors, b: Any) -> Any:
     return xp.stack(x)
 
 
+#: Bound of the loop; convergence is cubic.
 MOST_SHIFTS = 60
-"""Bound of the loop; convergence is cubic."""
 ROUNDING = 2.0**-52
 TINY = 1e-290
 

@@ -22,20 +22,20 @@ from spacearm.equations.linear_algebra import Reflection, reflector, solve, unre
 from spacearm.equations.measures import distance
 from spacearm.equations.turns import right_jacobian, rotation
 
+#: How a motion ends.
 ARRIVED, SINGULAR, LIMIT, TILTED, MARGIN = range(5)
-"""How a motion ends."""
+#: It has not ended.
 RUNNING = -1
-"""It has not ended."""
+#: Columns of the tables of `at_length`.
 PIECE, INTERVAL = 4, 30
-"""Columns of the tables of `at_length`."""
+#: As in `mechanics.distance`.
 FADING = 0.3
-"""As in `mechanics.distance`."""
+#: Shorter steps are not made: where no longer one is accurate, the arm is at a singularity.
 LEAST_STEP = 1e-11
-"""Shorter steps are not made: where no longer one is accurate, the arm is at a singularity."""
+#: The end of a piece is met to this share of its path, and to `LEAST_STEP`.
 LANDED = 1e-12
-"""The end of a piece is met to this share of its path, and to `LEAST_STEP`."""
+#: Rate, by the share of the path, at which the tip returns to it from rounding errors.
 ALONG = 10.0
-"""Rate, by the share of the path, at which the tip returns to it from rounding errors."""
 STAGES = (
     (1 / 5,),
     (3 / 40, 9 / 40),

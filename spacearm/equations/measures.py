@@ -24,8 +24,8 @@ from spacearm.equations import kinematics
 from spacearm.equations.kinematics import COLUMNS, ROWS, SYMMETRIC, Parameters, Structure
 from spacearm.equations.linear_algebra import bidiagonal, least_with_vectors, minors, reciprocal
 
+#: Maximal minors of a task Jacobian that S is made of; more would make endless code.
 MOST_MINORS = 250
-"""Maximal minors of a task Jacobian that S is made of; more would make endless code."""
 
 
 def singularity(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
@@ -143,17 +143,17 @@ def tip_from_centre(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
     return at.tip_positions[0] + own
 
 
+#: Least singular values up to this share of the norm of J are zero.
 ZERO = 2.0**-48
-"""Least singular values up to this share of the norm of J are zero."""
+#: Slopes below this share of the norm of J are rounding.
 NOTHING = 1e-12
-"""Slopes below this share of the norm of J are rounding."""
+#: Share of the norm of J below which slopes are no equations either: null vectors of a tiny
+#: sigma_min mix.
 ROUNDED = 1e-9
-"""Share of the norm of J below which slopes are no equations either: null vectors of a tiny
-sigma_min mix."""
 
+#: Null vectors up to which derivatives are written out for each, which runs faster but takes longer
+#: to compile.
 INLINE = 1
-"""Null vectors up to which derivatives are written out for each, which runs faster but takes longer
-to compile."""
 
 
 def distance(

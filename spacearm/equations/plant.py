@@ -21,14 +21,14 @@ from spacearm.equations.kinematics import Parameters, Structure, posture, task_j
 from spacearm.equations.laws import Law, Pose, Source, State, attitude, called
 from spacearm.equations.linear_algebra import minors
 
+#: Share of its largest rate from which the torque that drives a joint falls, to zero there.
 SLOWING = 0.9
-"""Share of its largest rate from which the torque that drives a joint falls, to zero there."""
+#: No momentum, and the attitude along the inertial axes.
 STILL, LEVEL = np.zeros(3), np.array((0.0, 0.0, 0.0, 1.0))
-"""No momentum, and the attitude along the inertial axes."""
+#: Names and shapes of numbers that stand one after the other.
 Shapes = tuple[tuple[str, tuple[int, ...]], ...]
-"""Names and shapes of numbers that stand one after the other."""
+#: Functions outside by name.
 Calls = Mapping[str, Callable[..., Any]]
-"""Functions outside by name."""
 
 
 class Pushed(NamedTuple):
@@ -404,8 +404,8 @@ def observe(
     ])  # fmt: skip
 
 
+#: Most evaluations of a search for a root.
 ROUNDS = 400
-"""Most evaluations of a search for a root."""
 
 
 def crossing(xp: Any, value: Callable[[Any], Any], bracket: Any, sharpness: float) -> Any:

@@ -22,10 +22,10 @@ import numpy as np
 
 from spacearm.equations.kinematics import Array, Parameters, Structure
 
+#: How often each joint is moved in the search for the nearest point.
 SWEEPS = 4
-"""How often each joint is moved in the search for the nearest point."""
+#: Share of |p| at which that point is as good as zero.
 NOTHING = 1e-3
-"""Share of |p| at which that point is as good as zero."""
 
 
 def attitudes_at_zero(tree: Structure, p: Parameters) -> Array:

@@ -43,45 +43,45 @@ from spacearm.equations.laws import attitude
 from spacearm.equations.linear_algebra import bidiagonal, least_with_vectors, solve
 from spacearm.equations.measures import distance
 
+#: Axes in which the twist is given.
 Frame = Literal["inertial", "spacecraft", "tip"]
-"""Axes in which the twist is given."""
+#: Singular postures that are followed, and those that look for nearer ones.
 KEPT, SCOUTS = 3, 4
-"""Singular postures that are followed, and those that look for nearer ones."""
 SLOTS = KEPT + SCOUTS
+#: Ticks until a scout sets out again, and until motion begins after nothing was known.
 PATIENCE, SEARCH = 24, 60
-"""Ticks until a scout sets out again, and until motion begins after nothing was known."""
+#: Residual beyond which a posture is not on the set, way below which a scout is at rest, distance
+#: below which two are one, longest step [rad].
 LOST, AT_REST, APART, STRIDE = 0.1, 0.02, 0.05, 0.4
-"""Residual beyond which a posture is not on the set, way below which a scout is at rest, distance
-below which two are one, longest step [rad]."""
+#: Share of the way that the first step takes, and the least; square of the changes of a way below
+#: which the share is that of the first [rad^2].
 SHARE, LEAST, SMOOTH = 0.7, 0.02, 1e-5
-"""Share of the way that the first step takes, and the least; square of the changes of a way below
-which the share is that of the first [rad^2]."""
+#: Share of the distance of one that a scout must be nearer than to be followed instead.
 NEARER = 0.99
-"""Share of the distance of one that a scout must be nearer than to be followed instead."""
+#: Scouts set out within this times the distance, `stop` or `slow` if that is more, and no farther
+#: than that [rad].
 BEYOND, WITHIN = 1.2, 1.5
-"""Scouts set out within this times the distance, `stop` or `slow` if that is more, and no farther
-than that [rad]."""
+#: Shares of `stop` beyond it where rates towards the set end, and before which an arm can stop.
 EDGE, MARGIN = 0.02, 0.01
-"""Shares of `stop` beyond it where rates towards the set end, and before which an arm can stop."""
+#: Share of the rates that leads out within that edge.
 OUTWARD = 0.1
-"""Share of the rates that leads out within that edge."""
+#: Share of the accelerations that is left to turn by, and taken up by what the wish changes.
 TURNING = 0.25
-"""Share of the accelerations that is left to turn by, and taken up by what the wish changes."""
+#: Share of the norm of J* up to which its least singular value is zero.
 NO_INVERSE = 1e-9
-"""Share of the norm of J* up to which its least singular value is zero."""
+#: Damping of motions in the null space that keep the attitude, as a share of the trace.
 DAMPING = 1e-5
-"""Damping of motions in the null space that keep the attitude, as a share of the trace."""
+#: Larger numbers are faults.
 LARGEST = 1e9
-"""Larger numbers are faults."""
+#: How far the square of a quaternion may be from 1.
 UNIT_LENGTH = 1e-3
-"""How far the square of a quaternion may be from 1."""
+#: What positions may jump besides twice the largest rates [rad].
 JITTER = 2e-3
-"""What positions may jump besides twice the largest rates [rad]."""
+#: What slows a motion, in the order of `Tick.shares`.
 CAUSES = ("lost direction", "approach", "rate", "wheels", "position", "stopping distance",
           "acceleration")  # fmt: skip
-"""What slows a motion, in the order of `Tick.shares`."""
+#: What halts it, by `Tick.halt`.
 HALTS = ("", "q", "quaternion", "twist", "dt", "momentum", "jump", "search")
-"""What halts it, by `Tick.halt`."""
 
 
 class Seen(NamedTuple):

@@ -13,13 +13,13 @@ from pathlib import Path
 
 _methods = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
 
+#: Of DOP853: weights of the stages before each stage, and in the step; times of the stages, as
+#: shares of the step (stage 12 is its end, the last three are dense); weights in the errors of
+#: order 5 and 3; weights of the stages before each stage of the dense output, and of all 16 in its
+#: last four coefficients.
 A, B, C, E5, E3, A_DENSE, D = _methods["DOP853"].values()
-"""Of DOP853: weights of the stages before each stage, and in the step; times of the stages, as
-shares of the step (stage 12 is its end, the last three are dense); weights in the errors of order 5
-and 3; weights of the stages before each stage of the dense output, and of all 16 in its last four
-coefficients."""
+#: Of Rodas5P: the diagonal of its coefficients; weights of the stages before in the state of each
+#: stage (those of the last two follow), and in its right-hand side; times of the stages, as shares
+#: of the step; weights of the derivative by time in the right-hand sides, and of the stages in the
+#: dense output.
 GAMMA, SHARES, COUPLINGS, TIMES, SLOPES, CURVES = _methods["Rodas5P"].values()
-"""Of Rodas5P: the diagonal of its coefficients; weights of the stages before in the state of each
-stage (those of the last two follow), and in its right-hand side; times of the stages, as shares of
-the step; weights of the derivative by time in the right-hand sides, and of the stages in the dense
-output."""

@@ -16,12 +16,12 @@ import numpy as np
 from spacearm.equations.kinematics import Parameters, Structure, connection_at, jacobian_at, posture
 from spacearm.equations.linear_algebra import solve
 
+#: Gauss-Legendre nodes of an interval, as shares of it.
 GAUSS = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
-"""Gauss-Legendre nodes of an interval, as shares of it."""
+#: Weight of w_1 x w_2 in the Magnus method with these nodes.
 COMMUTATOR = math.sqrt(3.0) / 12.0
-"""Weight of w_1 x w_2 in the Magnus method with these nodes."""
+#: Square of the angle below which series stand for the quotients of `shares` [rad^2].
 SMALL = 1e-4
-"""Square of the angle below which series stand for the quotients of `shares` [rad^2]."""
 
 
 def reactions(xp: Any, tree: Structure, p: Parameters, q: Any) -> tuple[Any, Any, Any, Any]:

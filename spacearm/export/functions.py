@@ -38,6 +38,8 @@ from spacearm.signatures import checked
 
 Function = Callable[..., Any]
 
+#: Equations, called as equation(xp, structure, parameters, *arguments), with the names of their
+#: arguments, each (n,). `S_gradient` comes with `S`.
 EQUATIONS: dict[str, tuple[Function, tuple[str, ...]]] = {
     "jacobian": (kinematics.jacobian, ("q",)),
     "task_jacobian": (kinematics.task_jacobian, ("q",)),
@@ -51,8 +53,6 @@ EQUATIONS: dict[str, tuple[Function, tuple[str, ...]]] = {
     "generalized_inertia": (dynamics.generalized_inertia, ("q",)),
     "forward_dynamics": (dynamics.forward_dynamics, ("q", "dq", "tau")),
 }
-"""Equations, called as equation(xp, structure, parameters, *arguments), with the names of their
-arguments, each (n,). `S_gradient` comes with `S`."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -243,8 +243,8 @@ def chosen(names: str | Sequence[str]) -> tuple[str, ...]:
     return wanted
 
 
+#: Rounding of the bounds of sigma_min, as a share of |T|, for each element of T.
 ROUNDING = 16.0 * 2.0**-52
-"""Rounding of the bounds of sigma_min, as a share of |T|, for each element of T."""
 
 
 class Exported(NamedTuple):
@@ -292,6 +292,7 @@ def distance_to_set(xp: Any, tree: Structure, p: Parameters, q: Any, *, unit: Ar
     return far, unit * rows[0]
 
 
+#: The functions of C, by what their names end with.
 EXPORTED = {
     "jacobian": Exported(
         "J*, the motion of the tip per joint rate: rows [linear; angular], row by row.",
@@ -325,7 +326,6 @@ EXPORTED = {
         distance_to_set, ("q",), ("away",), "distance",
     ),
 }  # fmt: skip
-"""The functions of C, by what their names end with."""
 
 
 @checked

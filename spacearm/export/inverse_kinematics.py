@@ -30,8 +30,8 @@ Matrices = tuple[Array, Array]
 class _OfArm:
     """What knows an arm, and pink's configurations of it."""
 
+    #: Names of what else is given.
     GIVEN: ClassVar[tuple[str, ...]] = ()
-    """Names of what else is given."""
 
     def __init__(self, arm: SpaceArm) -> None:
         if arm.coupling is not None:

@@ -19,8 +19,8 @@ from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.signatures import checked
 
+#: Names of columns by what they stand for; those of wheels are numbers.
 COLUMNS = {"component": ("px", "py", "pz", "hx", "hy", "hz"), "axis": ("x", "y", "z")}
-"""Names of columns by what they stand for; those of wheels are numbers."""
 
 
 @checked
@@ -179,14 +179,14 @@ def _zarr(motion: Motion, path: Path) -> Path:
     return write_folder(path, lambda folder: data.to_zarr(folder, zarr_format=2), ".zgroup")
 
 
+#: ROS's name of the inertial frame.
 WORLD = "world"
-"""ROS's name of the inertial frame."""
+#: Quantities that have messages of their own.
 JOINTS_AND_BASE = ("q", "dq", "torque", "base")
-"""Quantities that have messages of their own."""
+#: Fields of messages as ROS 2 has them.
 MESSAGES: dict[str, list[str]] = json.loads(
     Path(__file__).with_name("ros_messages.json").read_text(encoding="utf-8")
 )
-"""Fields of messages as ROS 2 has them."""
 WRITTEN = (
     "sensor_msgs/JointState", "tf2_msgs/TFMessage", "std_msgs/Float64", "std_msgs/Float64MultiArray"
 )  # fmt: skip

@@ -21,8 +21,8 @@ from spacearm.signatures import checked
 
 DRAWN = {"group": "2", "contype": "0", "conaffinity": "0"}
 COLLIDES = {"group": "3"}
+#: Elements of an inertia in MJCF's order, by their names in SDF.
 PAIRS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
-"""Elements of an inertia in MJCF's order, by their names in SDF."""
 
 
 @checked

@@ -16,10 +16,10 @@ from spacearm.equations.kinematics import Parameters, Structure
 from spacearm.equations.servo import Limits, Memory, Seen, Tick, packed, shapes, unpacked
 from spacearm.servo.servo import Servo
 
+#: The structs by what their names end with.
 STRUCTS = {"seen": Seen, "limits": Limits, "memory": Memory, "tick": Tick}
-"""The structs by what their names end with."""
+#: Those that a step reads.
 TAKEN = ("seen", "limits", "memory")
-"""Those that a step reads."""
 
 
 def servo_code(

@@ -26,22 +26,22 @@ from spacearm.equations.kinematics import Parameters, Structure
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 
+#: Held while something is compiled, so that two threads do not compile the same.
 COMPILING = RLock()
-"""Held while something is compiled, so that two threads do not compile the same."""
 Z = np.array([0.0, 0.0, 1.0])
 Shape = tuple[int, ...]
 
+#: What must take longer without compiled code is compiled: who asks once often asks again [s].
 WORTH = 5e-3
-"""What must take longer without compiled code is compiled: who asks once often asks again [s]."""
+#: The same where nobody asks again [s].
 WORTH_ONCE = 0.1
-"""The same where nobody asks again [s]."""
+#: Time that the equations take by numbers, for one configuration [s].
 BY_NUMBERS = 1e-3
-"""Time that the equations take by numbers, for one configuration [s]."""
+#: For so many configurations the zeros and ones of an arm are compiled in, which saves a third of
+#: the time that they take.
 MANY = 10_000
-"""For so many configurations the zeros and ones of an arm are compiled in, which saves a third of
-the time that they take."""
+#: Lanes of functions that wait for divisions in loops, more than fit a register.
 WIDE = 8
-"""Lanes of functions that wait for divisions in loops, more than fit a register."""
 
 
 def worth_compiling(rows: int, seconds: float = BY_NUMBERS, once: bool = False) -> bool:
@@ -229,8 +229,8 @@ def _kernel(
     return kernel, flat[:, vary]
 
 
+#: Place of the turns among the arrays of an arm.
 TURNS = len(Parameters._fields)
-"""Place of the turns among the arrays of an arm."""
 
 
 def _arrays(arm: SpaceArm, own: bool) -> tuple[Array, ...]:

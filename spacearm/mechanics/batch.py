@@ -31,13 +31,13 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.signatures import checked
 
+#: Configurations per thread and block: their data fit the processor cache.
 BLOCK = 16384
-"""Configurations per thread and block: their data fit the processor cache."""
+#: So many are not divided between threads: to start one takes as long.
 LEAST = 1024
-"""So many are not divided between threads: to start one takes as long."""
 
+#: Number of blocks after which pages of memory maps are released.
 BLOCKS_MAPPED = 32
-"""Number of blocks after which pages of memory maps are released."""
 
 
 def results_for(array: Array | None, shape: tuple[int, ...], what: str) -> Array:
@@ -145,14 +145,14 @@ def _memory_map(array: Array) -> mmap.mmap | None:
     return owner if isinstance(owner, mmap.mmap) else None
 
 
+#: The measures that take J* alone.
 QUANTITIES = ("sigma_min", "manipulability", "condition", "determinant", "radius")
-"""The measures that take J* alone."""
+#: Those that take its derivative: a number, and a vector over the joints.
 NEARNESS = ("distance", "away")
-"""Those that take its derivative: a number, and a vector over the joints."""
+#: Time that one configuration or state takes without compiled code [s].
 SINGLY = 1e-4
-"""Time that one configuration or state takes without compiled code [s]."""
+#: Rows of states by name.
 Rows = Mapping[str, Array]
-"""Rows of states by name."""
 Indices = npt.NDArray[np.int_]
 
 

@@ -43,18 +43,18 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
 
+#: More equations than joints have a solution if the residual is this share of the right side.
 EXPLAINED = 0.1
-"""More equations than joints have a solution if the residual is this share of the right side."""
+#: Slopes that are less than this times sigma_min vanish with it, as a rule [1/rad].
 FADING = 0.3
-"""Slopes that are less than this times sigma_min vanish with it, as a rule [1/rad]."""
+#: Distances below this take the second step: from half of this down all of it [rad].
 NEAR = np.radians(4.0)
-"""Distances below this take the second step: from half of this down all of it [rad]."""
+#: Distances up to this take none: there is nothing left to correct [rad].
 FINE = 1e-5
-"""Distances up to this take none: there is nothing left to correct [rad]."""
+#: Time that the derivative of J* takes without compiled code, for one configuration [s].
 SINGLY = 1e-3
-"""Time that the derivative of J* takes without compiled code, for one configuration [s]."""
+#: The second step counts only if the first one came this much nearer, less and less up to that.
 CONTRACTING = 0.5
-"""The second step counts only if the first one came this much nearer, less and less up to that."""
 
 
 class Linearisation(NamedTuple):
@@ -72,8 +72,8 @@ class Linearisation(NamedTuple):
     rows: Array
 
 
+#: Linearises the singular set at configurations (p, n), with some fading.
 Lineariser = Callable[[Array, float], Linearisation]
-"""Linearises the singular set at configurations (p, n), with some fading."""
 
 
 class RankDistances(NamedTuple):

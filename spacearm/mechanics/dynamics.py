@@ -39,8 +39,8 @@ from spacearm.model.joints import joint_vector
 from spacearm.results import Description, Measure, Result
 from spacearm.signatures import checked
 
+#: Link name -> (6,) [force [N]; torque [N m]] at the origin of the link's frame, inertial axes.
 Wrenches = Mapping[str, npt.ArrayLike]
-"""Link name -> (6,) [force [N]; torque [N m]] at the origin of the link's frame, inertial axes."""
 
 M_BB = "the spacecraft's block M_bb of the mass matrix"
 H_STAR = "the generalized inertia H*"

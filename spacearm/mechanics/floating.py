@@ -23,8 +23,8 @@ from spacearm.model.arm import Configuration, SpaceArm, kinematics, still_wheels
 from spacearm.model.joints import joint_vector
 from spacearm.signatures import checked
 
+#: Largest joint motion [rad] or [m] of one integration step along a segment.
 STEP = 0.05
-"""Largest joint motion [rad] or [m] of one integration step along a segment."""
 
 
 @checked

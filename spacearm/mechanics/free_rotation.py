@@ -26,14 +26,14 @@ from scipy.special import ellipkm1, elliprf
 
 from spacearm.arrays import Array
 
+#: Share of the largest coefficient of a series below which its last ones are their own rounding.
 TAIL = 1e-15
-"""Share of the largest coefficient of a series below which its last ones are their own rounding."""
+#: Most samples of a period.
 MOST_SAMPLES = 2**16
-"""Most samples of a period."""
+#: Share of a mean up to which it and the next one are equal but for rounding.
 ROUNDING = 1e-15
-"""Share of a mean up to which it and the next one are equal but for rounding."""
+#: Least 1 - m: 0 would be that of a motion that ends in a spin about the middle axis.
 LEAST = 1e-40
-"""Least 1 - m: 0 would be that of a motion that ends in a spin about the middle axis."""
 
 
 class _Spin(NamedTuple):

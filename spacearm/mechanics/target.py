@@ -27,8 +27,8 @@ from spacearm.signatures import checked
 
 HERE = pin.SE3.Identity()
 NONE: Mapping[str, PoseLike] = {}
+#: Largest rate of an orbit [rad/s]: about the densest planets none is faster.
 FASTEST_ORBIT = 0.01
-"""Largest rate of an orbit [rad/s]: about the densest planets none is faster."""
 
 
 class Frame(NamedTuple):

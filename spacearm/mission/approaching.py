@@ -51,14 +51,14 @@ from spacearm.planning.strategies.drift import ramp_ends, stretched
 from spacearm.planning.timing import PEAK, eased
 from spacearm.singularities.sets import singular_set
 
+#: Poses through which the tip is led while it takes up the target's motion, and closing in.
 NODES = 400
-"""Poses through which the tip is led while it takes up the target's motion, and closing in."""
+#: Distance to the singular set that is proven at most [rad], also as a share of that to first
+#: order.
 PROVEN, MOST = math.radians(20.0), 0.7
-"""Distance to the singular set that is proven at most [rad], also as a share of that to first
-order."""
+#: The same of an approach that is rehearsed, from so many postures at most, and the time in which
+#: these are sought, at most [s].
 COARSE, POSTURES, POSTURES_IN = 10, 8, 30.0
-"""The same of an approach that is rehearsed, from so many postures at most, and the time in which
-these are sought, at most [s]."""
 
 
 @dataclass(frozen=True, eq=False)

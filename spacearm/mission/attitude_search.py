@@ -30,25 +30,25 @@ from spacearm.motion.leading import PathTable, Settings, lead_all
 Flags = npt.NDArray[np.bool_]
 Integers = npt.NDArray[np.signedinteger[Any]]
 
+#: How following the path ended; without a start no posture has the tip at its beginning.
 ENDS = (*leading.ENDS, "no start")
-"""How following the path ended; without a start no posture has the tip at its beginning."""
 NO_START = ENDS.index("no start")
+#: Random postures tried at each attitude where all branches are looked for.
 TRIES = 12
-"""Random postures tried at each attitude where all branches are looked for."""
 
+#: Each round looks at so many parts of the gap between an angle inside and one outside.
 PARTS = 33
-"""Each round looks at so many parts of the gap between an angle inside and one outside."""
+#: Width of that gap at which its middle is an end [rad].
 SHARP = 5e-7
-"""Width of that gap at which its middle is an end [rad]."""
+#: Angle over which postures are followed from one attitude to the next [rad].
 WAVE = 0.2
-"""Angle over which postures are followed from one attitude to the next [rad]."""
+#: Angles that are added about a least or largest distance that seems to cross the margin.
 EACH = 32
-"""Angles that are added about a least or largest distance that seems to cross the margin."""
 
+#: Cells are neighbours up to so many spacings apart.
 REACH = 1.5
-"""Cells are neighbours up to so many spacings apart."""
+#: Axes about which the largest ball is probed, at so many angles at a time, in so many rounds.
 AXES, SHELLS, ROUNDS = 400, 8, 4
-"""Axes about which the largest ball is probed, at so many angles at a time, in so many rounds."""
 
 
 class Outcome(NamedTuple):

@@ -40,12 +40,12 @@ from spacearm.planning.many_curves import turning_axes
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
 from spacearm.signatures import checked
 
+#: Default least distance to the singular set [rad].
 MARGIN = float(np.radians(1.0))
-"""Default least distance to the singular set [rad]."""
+#: Default number of attitudes of a planar arm.
 RING = 720
-"""Default number of attitudes of a planar arm."""
+#: Default level of cells of a spatial arm: 4,608 attitudes.
 LEVEL = 2
-"""Default level of cells of a spatial arm: 4,608 attitudes."""
 
 
 class Ball(NamedTuple):

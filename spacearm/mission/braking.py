@@ -22,10 +22,10 @@ from spacearm.planning.many_curves import steered_attitudes
 from spacearm.planning.reactions import Wheels, load_of
 from spacearm.singularities.sets import prove_regular
 
+#: Durations of the braking that are tried [s].
 BRAKES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
-"""Durations of the braking that are tried [s]."""
+#: Steps in which the braking is integrated.
 STEPS = 60
-"""Steps in which the braking is integrated."""
 
 
 class Braking(Drifting):

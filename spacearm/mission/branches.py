@@ -20,14 +20,14 @@ from spacearm.model.arm import SpaceArm
 from spacearm.planning.many_curves import held_jacobian, inverse_kinematics
 from spacearm.singularities.risk import uniform
 
+#: Steps of Newton's method: usually, and near the border of what can be reached.
 STEPS, MORE_STEPS = 14, 60
-"""Steps of Newton's method: usually, and near the border of what can be reached."""
+#: What the tip may miss [m], [rad].
 REACHED = 1e-9
-"""What the tip may miss [m], [rad]."""
+#: Largest change of a joint from one attitude to the next on a branch [rad] or [m].
 FARTHEST = 1.5
-"""Largest change of a joint from one attitude to the next on a branch [rad] or [m]."""
+#: Postures are the same up to this difference [rad] or [m].
 SAME = 1e-6
-"""Postures are the same up to this difference [rad] or [m]."""
 
 
 class HeldTip(NamedTuple):

@@ -34,21 +34,21 @@ from spacearm.signatures import checked
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
 
+#: Default longest time looked at [s].
 HORIZON = 3600.0
-"""Default longest time looked at [s]."""
+#: Samples of the motion that holds the tip.
 SAMPLES, MOST_SAMPLES = 101, 3201
-"""Samples of the motion that holds the tip."""
+#: How far its spline may be from it between samples, before these are doubled [rad] or [m].
 HELD = 1e-6
-"""How far its spline may be from it between samples, before these are doubled [rad] or [m]."""
+#: Share of the momentum that the arm may leave to the spacecraft: at rows of the motion that
+#: carries it, and halfway between them.
 CARRIED, LACKING = 1e-9, 1e-4
-"""Share of the momentum that the arm may leave to the spacecraft: at rows of the motion that
-carries it, and halfway between them."""
+#: Joint motion of the first step of that motion, and below which it ends [rad] or [m].
 STEP, FINEST = 0.05, 1e-5
-"""Joint motion of the first step of that motion, and below which it ends [rad] or [m]."""
+#: Error of its steps, relative to joint positions and absolute [rad] or [m].
 RTOL = 1e-9
-"""Error of its steps, relative to joint positions and absolute [rad] or [m]."""
+#: Rows into which a step is cut, the fewest that lack no more momentum than they may.
 PARTS = (1, 2, 4, 8, 16, 32, 64)
-"""Rows into which a step is cut, the fewest that lack no more momentum than they may."""
 
 
 class MomentumBudget(Result):

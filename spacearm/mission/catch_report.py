@@ -29,8 +29,8 @@ from spacearm.planning.strategies.detumbling import least_time
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.singularities.nearest import angle
 
+#: Rate at which wheels take up a tumble [1/s], and how many times its inverse they are given.
 DAMPED, SETTLED = 0.5, 12.0
-"""Rate at which wheels take up a tumble [1/s], and how many times its inverse they are given."""
 
 
 class Candidate(NamedTuple):

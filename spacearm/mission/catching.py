@@ -23,8 +23,8 @@ from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.sets import singular_set
 
+#: Share of the time that is given to each contact on the first, the second and the third pass.
 SHARES = (1 / 30, 1 / 10, 1 / 3)
-"""Share of the time that is given to each contact on the first, the second and the third pass."""
 
 
 @checked

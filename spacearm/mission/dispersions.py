@@ -24,8 +24,8 @@ from spacearm.motion.simulation import COARSE, simulate_many
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
 
+#: What an envelope bounds, and a run is measured by.
 MISSES = ("place", "turn", "velocity", "rate")
-"""What an envelope bounds, and a run is measured by."""
 
 
 @checked

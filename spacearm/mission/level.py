@@ -29,16 +29,16 @@ from spacearm.motion.leading import Led, PathTable, Settings, lead_all
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
 
+#: Default number of directions, in the plane and in space.
 RAYS = {2: 360, 3: 1000}
-"""Default number of directions, in the plane and in space."""
+#: Default distance of cells, as a share of what straight lines reach on average.
 SHARE = 0.25
-"""Default distance of cells, as a share of what straight lines reach on average."""
+#: Most cells from the tip's start to the border of what is searched.
 MOST = {2: 60, 3: 12}
-"""Most cells from the tip's start to the border of what is searched."""
+#: States that are kept of each cell: the spacecraft's attitude there depends on the way.
 STATES = 2
-"""States that are kept of each cell: the spacecraft's attitude there depends on the way."""
+#: How accurately lines are followed.
 FOLLOWING = Settings(tolerance=1e-8, stride=0.01, least_stride=1e-3)
-"""How accurately lines are followed."""
 
 Integers = npt.NDArray[np.int64]
 

@@ -31,8 +31,8 @@ from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
 from spacearm.singularities.risk import NEAR, uniform
 
+#: Those that are reported of the momentum of wheels.
 PERCENTILES = (50.0, 90.0, 95.0, 99.0, 100.0)
-"""Those that are reported of the momentum of wheels."""
 
 
 class Reaction(Result):

@@ -13,8 +13,8 @@ BaseMode = Literal["free-floating", "attitude-controlled", "fixed"]
 FLOATING: BaseMode = "free-floating"
 HELD: BaseMode = "attitude-controlled"
 
+#: Components of the spacecraft's twist [linear; angular] that momentum conservation decides.
 FREE_TWIST = {"free-floating": 6, "attitude-controlled": 3, "fixed": 0}
-"""Components of the spacecraft's twist [linear; angular] that momentum conservation decides."""
 
 
 def free_components(mode: str) -> int:

@@ -32,12 +32,12 @@ from spacearm.model.wheels import Wheel, wheel_table, wheels_of
 from spacearm.results import Cell, Column, Described, Description, Measure, Table, joint_measures
 from spacearm.signatures import checked
 
+#: Largest number of movable joints that count.
 MOST_JOINTS = 200
-"""Largest number of movable joints that count."""
+#: Momentum of a system at rest, and of wheels that do not spin.
 AT_REST = read_only(np.zeros(6))
-"""Momentum of a system at rest, and of wheels that do not spin."""
+#: What the six numbers of a momentum are, for messages.
 MOMENTUM = "[linear [kg m/s]; angular about the system CM [kg m^2/s]]"
-"""What the six numbers of a momentum are, for messages."""
 
 
 @checked

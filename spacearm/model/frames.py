@@ -12,12 +12,12 @@ from spacearm.arrays import LARGEST, Array, finite, plain, shape_of
 from spacearm.errors import ConfigurationError
 from spacearm.signatures import checked
 
+#: Pinocchio's frame for twists and Jacobians: of the frame's origin, in inertial axes.
 LWA = pin.LOCAL_WORLD_ALIGNED
-"""Pinocchio's frame for twists and Jacobians: of the frame's origin, in inertial axes."""
 
 
+#: A pose as a caller may give it: a pin.SE3 or a (4, 4) homogeneous matrix.
 PoseLike: TypeAlias = pin.SE3 | npt.ArrayLike
-"""A pose as a caller may give it: a pin.SE3 or a (4, 4) homogeneous matrix."""
 
 
 @checked

@@ -16,8 +16,8 @@ from spacearm.errors import ConfigurationError
 from spacearm.model.task import Task
 from spacearm.signatures import checked
 
+#: How far outside its limits a joint still counts as at the limit [rad], for values in degrees.
 ROUNDING = 1e-9
-"""How far outside its limits a joint still counts as at the limit [rad], for values in degrees."""
 TURN = 2.0 * np.pi
 _warned: set[tuple[str, int]] = set()
 

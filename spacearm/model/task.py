@@ -17,8 +17,8 @@ from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, unknown
 from spacearm.signatures import checked
 
+#: Names of rows.
 Rows: TypeAlias = Sequence[str]
-"""Names of rows."""
 ROWS = ("x", "y", "z", "rx", "ry", "rz")
 ALIASES = {"pose": ROWS, "position": ROWS[:3], "orientation": ROWS[3:]}
 

@@ -19,12 +19,12 @@ from spacearm.description.tree import Tree, coupling
 from spacearm.model.frames import LWA
 from spacearm.model.task import ROWS, Rows, Task
 
+#: Random postures; one with full rank is enough.
 POSTURES = 3
-"""Random postures; one with full rank is enough."""
+#: Singular value of a part of the scaled matrix up to which it is rounding.
 NO_RANK = 1e-12
-"""Singular value of a part of the scaled matrix up to which it is rounding."""
+#: Other tasks that a message names.
 MOST_TOLD = 3
-"""Other tasks that a message names."""
 
 
 class MovableRows:

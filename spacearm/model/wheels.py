@@ -20,12 +20,12 @@ from spacearm.description.tree import Tree
 from spacearm.errors import ModelError, UnsupportedError
 from spacearm.results import Cell, Column, Table
 
+#: Share of its size or moment of inertia by which a wheel may be out of balance.
 BALANCED = 1e-6
-"""Share of its size or moment of inertia by which a wheel may be out of balance."""
+#: Index of the spacecraft's joint in the model.
 SPACECRAFT = 1
-"""Index of the spacecraft's joint in the model."""
+#: Shares of a limit, and of a load, that are rounding.
 ROUNDING, SPANNED = 1e-9, 1e-6
-"""Shares of a limit, and of a load, that are rounding."""
 
 
 class Wheel(NamedTuple):

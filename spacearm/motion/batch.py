@@ -22,15 +22,15 @@ from spacearm.motion.events import SHARPNESS
 from spacearm.motion.plant import Integration
 from spacearm.motion.system import Prepared, System
 
+#: Steps of a call of the integrator.
 STEPS = 128
-"""Steps of a call of the integrator."""
+#: The step has collapsed when `PACE` of them are shorter than `SLOW` in the mean [s].
 SLOW, PACE = 1e-5, 1000
-"""The step has collapsed when `PACE` of them are shorter than `SLOW` in the mean [s]."""
 Whole = npt.NDArray[np.int64]
+#: Status of a run that an event ended.
 ENDED = 10
-"""Status of a run that an event ended."""
+#: What is known of where a run stands besides its state.
 NOW = tuple(name for name in integration.RunState._fields if name != "y")
-"""What is known of where a run stands besides its state."""
 
 
 class Method(NamedTuple):

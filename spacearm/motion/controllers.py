@@ -34,10 +34,10 @@ from spacearm.signatures import checked
 from spacearm.singularities.report import NO_INVERSE
 
 Controller = Callable[[float, Configuration, Array], npt.ArrayLike]
+#: A controller, or one for each tip by its name.
 Laws: TypeAlias = Controller | Mapping[str, Controller]
-"""A controller, or one for each tip by its name."""
+#: A goal, or a function of time [s] that gives one: a moving target, or a path and the speed.
 MovingGoal: TypeAlias = Goal | Callable[[float], Goal]
-"""A goal, or a function of time [s] that gives one: a moving target, or a path and the speed."""
 
 
 @checked
@@ -275,11 +275,11 @@ class JointPD(Law):
         return joint_vector(cfg.arm, target, "target") - cfg.q
 
 
+#: The control laws that a file or an option can name.
 LAWS: dict[str, Any] = {
     kind.__name__: kind
     for kind in (TransposedJacobian, ResolvedRate, DampedLeastSquares, Reactionless, JointPD)
 }
-"""The control laws that a file or an option can name."""
 
 
 def _by_numbers(function: Callable[..., Any], *arguments: Any) -> Array:

@@ -15,18 +15,18 @@ from spacearm.motion.goal import steady
 from spacearm.singularities.nearest import nearest_locally
 
 EVENTS = ("singularity", "joint limit", "target", "wheel full")
+#: Largest joint motion [rad] or [m] between two evaluations of the event functions.
 LOOK = 0.05
-"""Largest joint motion [rad] or [m] between two evaluations of the event functions."""
+#: Arms without a singularity polynomial meet a singularity this far from the singular set [rad].
 NEAR = float(np.radians(0.5))
-"""Arms without a singularity polynomial meet a singularity this far from the singular set [rad]."""
+#: By what factor from that a distance to first order decides; nearer to it the exact one does.
 DOUBTFUL = 2.0
-"""By what factor from that a distance to first order decides; nearer to it the exact one does."""
+#: What is said of it.
 CLOSE = f"{np.degrees(NEAR):g} deg from the singular set"
-"""What is said of it."""
+#: Values of an event function below this are zero at the start.
 ROUNDING = 1e-12
-"""Values of an event function below this are zero at the start."""
+#: Tolerance of the time of an event, as a share of the largest time.
 SHARPNESS = 1e-14
-"""Tolerance of the time of an event, as a share of the largest time."""
 
 
 class Event(NamedTuple):

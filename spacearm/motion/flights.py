@@ -33,10 +33,10 @@ from spacearm.motion.simulation import simulate
 from spacearm.results import Column, Description, Table
 from spacearm.signatures import checked
 
+#: Quantities that each phase counts from zero.
 SUMS = ("impulse", "work", "other_work")
-"""Quantities that each phase counts from zero."""
+#: What `Flight.to_dict` gives.
 TOLD = ("names", "phases", "begins", "events", "captures", "ended", "not_checked")
-"""What `Flight.to_dict` gives."""
 
 
 class Flight(Trajectory, kw_only=True):

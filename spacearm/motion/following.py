@@ -43,15 +43,15 @@ from spacearm.singularities.report import NO_INVERSE
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
 
+#: The corners of a polyline, or a function of path length [m].
 Path: TypeAlias = Sequence[Goal] | Array | Callable[[float], Goal]
-"""The corners of a polyline, or a function of path length [m]."""
 
+#: Distance from the tip up to which a path in time begins there [m], [rad].
 BEGIN = 1e-6
-"""Distance from the tip up to which a path in time begins there [m], [rad]."""
+#: Intervals in which the length of a path in time is summed up.
 KNOTS = 2000
-"""Intervals in which the length of a path in time is summed up."""
+#: Half the length over which the direction of a path is taken [m].
 DIFFERENCE = 1e-6
-"""Half the length over which the direction of a path is taken [m]."""
 
 
 class Segment(NamedTuple):
@@ -209,17 +209,17 @@ def lengths_at(cfg: Configuration, curve: Segment) -> tuple[Array, Array]:
     return t, np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)))
 
 
+#: Length of the curve in (q, s) over which its tangent is differenced [rad], [m].
 AHEAD = 1e-4
-"""Length of the curve in (q, s) over which its tangent is differenced [rad], [m]."""
+#: Share of the largest joint rate up to which rates do not jump.
 SMOOTH = 1e-7
-"""Share of the largest joint rate up to which rates do not jump."""
+#: Rate at which the tip returns to its path from rounding errors [1/m].
 RETURN = 10.0
-"""Rate at which the tip returns to its path from rounding errors [1/m]."""
 RTOL, ATOL = 1e-10, 1e-11
+#: What ends a segment.
 ENDS = ("singularity", "arrived", "joint limit")
-"""What ends a segment."""
+#: Largest distance between outputs along the curve in (q, s) [rad], [m].
 SPACING = 0.02
-"""Largest distance between outputs along the curve in (q, s) [rad], [m]."""
 
 
 class TipCurve:

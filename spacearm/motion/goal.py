@@ -15,13 +15,13 @@ from spacearm.mechanics.barycentric_formulation import barycentric
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
 
+#: A point in the task's linear rows [m], along the goal axes, or a pose.
 Goal: TypeAlias = npt.ArrayLike | pin.SE3
-"""A point in the task's linear rows [m], along the goal axes, or a pose."""
 
+#: Distance up to which something is at the origin [m].
 AT_ORIGIN = 1e-9
-"""Distance up to which something is at the origin [m]."""
+#: Where the inertial frame has its origin; see `started`.
 Origin = Literal["spacecraft", "cm"]
-"""Where the inertial frame has its origin; see `started`."""
 
 
 def started(cfg: Configuration, origin: Origin) -> Configuration:

@@ -21,20 +21,20 @@ from spacearm.motion.events import CLOSE, NEAR, Event
 from spacearm.motion.following import Segment, segments
 from spacearm.motion.goal import Goal
 
+#: How a motion ends, in the order of the numbers of `equations.lines`.
 ENDS = ("arrived", "singularity", "joint limit", "tilt", "margin", "gave up")
-"""How a motion ends, in the order of the numbers of `equations.lines`."""
+#: Intervals of a path given as a function.
 KNOTS = 400
-"""Intervals of a path given as a function."""
 MOST_STEPS = 200_000
+#: Most steps of a motion whose steps are kept.
 KEPT_STEPS = 5_000
-"""Most steps of a motion whose steps are kept."""
+#: About so many configurations are computed for each motion.
 STEPS = 500
-"""About so many configurations are computed for each motion."""
+#: Number of pieces of work between which progress is told.
 PIECES = 16
-"""Number of pieces of work between which progress is told."""
 
+#: Points of a straight line.
 POINTS = 128
-"""Points of a straight line."""
 
 Integers = npt.NDArray[np.int64]
 

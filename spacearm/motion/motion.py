@@ -36,11 +36,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+#: What is said of the loads of a motion that ends so.
 UNBOUNDED = (
     "no bound: the tip is led at a constant speed to where the task Jacobian is singular, and "
     "joint rates, momentum and torque grow without limit there"
 )
-"""What is said of the loads of a motion that ends so."""
 
 
 def jump_notes(size: float) -> list[str]:
@@ -114,6 +114,7 @@ class Motion(Result):
     base: Array
     mode: BaseMode = field(default="free-floating", kw_only=True)
 
+    #: All that is known at each time, stored or computed.
     QUANTITIES: ClassVar[Mapping[str, Quantity]] = {
         "t": Quantity("s"),
         "q": Quantity("rad or m", "joint"),
@@ -123,7 +124,6 @@ class Motion(Result):
         "com": Quantity("m", "axis"),
         "sigma_min": Quantity("as in sa.singularity"),
     }
-    """All that is known at each time, stored or computed."""
 
     def __post_init__(self) -> None:
         m, n = max((*shape_of(self.t), 1)[0], 1), self.arm.n

@@ -25,8 +25,8 @@ from spacearm.files import opened, write
 
 Kind = TypeVar("Kind")
 Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
+#: NumPy's letter for what an array holds ("f" numbers, "b" truth values, "U" words); its shape.
 Form: TypeAlias = tuple[str, tuple[int, ...]]
-"""NumPy's letter for what an array holds ("f" numbers, "b" truth values, "U" words); its shape."""
 
 LETTERS = {str: "U", float: "f", bool: "b"}
 TYPES = {"U": np.str_, "f": np.float64, "b": np.bool_}

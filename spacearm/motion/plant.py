@@ -15,14 +15,14 @@ from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import EVENTS
 from spacearm.signatures import checked
 
+#: (6,) [force [N]; torque [N m]], or a function of time [s] that gives it.
 Wrench: TypeAlias = npt.ArrayLike | Callable[[float], npt.ArrayLike]
-"""(6,) [force [N]; torque [N m]], or a function of time [s] that gives it."""
+#: A function of time [s] that gives the torque of each wheel (w,), which it takes up [N m].
 Motors: TypeAlias = Callable[[float], npt.ArrayLike]
-"""A function of time [s] that gives the torque of each wheel (w,), which it takes up [N m]."""
 
 
+#: The least `rtol` that the integrators take.
 FINEST = 100.0 * float(np.finfo(np.float64).eps)
-"""The least `rtol` that the integrators take."""
 
 
 class PassiveJoint(NamedTuple):

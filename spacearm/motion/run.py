@@ -36,14 +36,14 @@ from spacearm.motion.plant import Integration, Sampling
 from spacearm.motion.system import Prepared, System, WantedEvent
 from spacearm.singularities.nearest import local_offsets
 
+#: Share of the distance to the singular set that the joints may move until it is computed anew.
 SHARE = 0.2
-"""Share of the distance to the singular set that the joints may move until it is computed anew."""
+#: Motion between two looks near the singular set, as a share of `NEAR`: a passage is 2 wide.
 FINE = 0.5
-"""Motion between two looks near the singular set, as a share of `NEAR`: a passage is 2 wide."""
+#: Distances to the singular set from this on are not told apart [rad].
 MOST = 1.0
-"""Distances to the singular set from this on are not told apart [rad]."""
+#: Most looks at the singular set until its nearest point rests, and how it then moves [rad].
 LOOKS, AT_REST = 40, 1e-13
-"""Most looks at the singular set until its nearest point rests, and how it then moves [rad]."""
 
 
 class Found(NamedTuple):
@@ -274,12 +274,12 @@ def nearing(
     return crossing(xp, value, bracket, SHARPNESS)
 
 
+#: Samples of a controller of fixed rate between two reports of progress.
 REPORT = 50
-"""Samples of a controller of fixed rate between two reports of progress."""
+#: Share of the period of a controller up to which two instants are the same but for rounding.
 SAME = 1e-9
-"""Share of the period of a controller up to which two instants are the same but for rounding."""
+#: How far beyond the last state it is looked for what failed [s].
 PROBES = np.append(0.0, np.geomspace(1e-15, 1e-3, 13))
-"""How far beyond the last state it is looked for what failed [s]."""
 
 Progress = Callable[[float, float], object] | None
 

@@ -35,13 +35,13 @@ from spacearm.signatures import checked
 if TYPE_CHECKING:
     import xarray as xr
 
+#: How many times `rtol` the balances of energy and momentum may be off.
 AUDIT = 1e4
-"""How many times `rtol` the balances of energy and momentum may be off."""
+#: How many times `atol` [J] that of energy may be off besides: all there is near rest.
 STILL = 1e2
-"""How many times `atol` [J] that of energy may be off besides: all there is near rest."""
 OUTPUTS = 1000
+#: Share of an interval of the output up to which the last one is not worth a row of its own.
 ROUNDING = 1e-9
-"""Share of an interval of the output up to which the last one is not worth a row of its own."""
 
 
 @checked
@@ -153,23 +153,23 @@ def _by_tip(arm: SpaceArm, controller: Laws) -> dict[int, Controller]:
     return {arm.tips.index(tip): law for tip, law in controller.items()}
 
 
+#: What dispersions of many runs need.
 COARSE = Integration(rtol=1e-6, atol=1e-8)
-"""What dispersions of many runs need."""
+#: Ends of runs that are no results.
 FAILURES = ("controller failed", "equations failed", "step collapsed")
-"""Ends of runs that are no results."""
+#: Outputs of a run over which the least sigma_min and the largest turn are taken.
 LOOKS = 200
-"""Outputs of a run over which the least sigma_min and the largest turn are taken."""
+#: Time between two reports of progress, where no runs end [s].
 LOOK = 0.2
-"""Time between two reports of progress, where no runs end [s]."""
+#: Runs side by side, between two reports.
 PIECE = 256
-"""Runs side by side, between two reports."""
+#: So many functions of users are compiled; of more, all are called in Python.
 KINDS = 8
-"""So many functions of users are compiled; of more, all are called in Python."""
+#: Units of what is kept of each run.
 UNITS = {
     "time_to_target": "s", "first_singularity": "s", "sigma_min": "as in sa.singularity",
     "turn": "rad", "distance": "rad", "t": "s", "imbalance": "1", "base": "m, quaternion xyzw",
 }  # fmt: skip
-"""Units of what is kept of each run."""
 
 
 @checked

@@ -32,6 +32,7 @@ from spacearm.motion.goal import goal_normal
 from spacearm.motion.plant import Integration, PassiveJoint, Plant, WheelHold
 from spacearm.singularities.report import NO_INVERSE
 
+#: The laws that are equations; laws derived from them are users' laws.
 KINDS: dict[type, str] = {
     JointPD: "joints",
     law_types.TransposedJacobian: "transposed",
@@ -39,11 +40,10 @@ KINDS: dict[type, str] = {
     law_types.DampedLeastSquares: "damped",
     law_types.Reactionless: "reactionless",
 }
-"""The laws that are equations; laws derived from them are users' laws."""
+#: States or times at which a function that is traced is compared with its own values.
 EXAMPLES = 3
-"""States or times at which a function that is traced is compared with its own values."""
+#: A function called outside: of time and the state, which only laws and events get.
 Outside = Callable[[float, Array], Array]
-"""A function called outside: of time and the state, which only laws and events get."""
 
 
 @dataclass(frozen=True)

@@ -26,26 +26,26 @@ from spacearm.errors import UnsupportedError
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 
+#: Instructions of functions that keep something.
 STORES = frozenset(("STORE_ATTR", "STORE_GLOBAL", "DELETE_ATTR", "DELETE_SUBSCR", "YIELD_VALUE"))
-"""Instructions of functions that keep something."""
+#: Names in functions that keep or change something.
 CHANGES = frozenset((
     "append", "extend", "insert", "pop", "popleft", "appendleft", "remove", "clear", "update",
     "add", "discard", "setdefault", "write", "send", "put", "print", "input", "open", "next",
     "setattr",
 ))  # fmt: skip
-"""Names in functions that keep or change something."""
+#: Names in functions that give another value each time.
 UNEVEN = frozenset(("random", "default_rng", "time", "perf_counter", "monotonic"))
-"""Names in functions that give another value each time."""
+#: Values that functions may refer to.
 PLAIN = (
     bool, int, float, complex, str, bytes, type(None), np.ndarray, np.generic, np.ufunc, pin.SE3,
     types.ModuleType, types.BuiltinFunctionType, type,
 )  # fmt: skip
-"""Values that functions may refer to."""
+#: How far values over symbols and over numbers may be apart, as a share of the largest.
 CLOSE = 1e-9
-"""How far values over symbols and over numbers may be apart, as a share of the largest."""
 
+#: Arguments (arrays), and the value.
 Example = tuple[Sequence[Any], Any]
-"""Arguments (arrays), and the value."""
 
 
 @dataclass(frozen=True)

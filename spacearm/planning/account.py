@@ -15,9 +15,10 @@ from spacearm.errors import NoSolutionError, StoppedError
 from spacearm.planning.result import Attempt
 
 T = TypeVar("T")
+#: Called now and then as progress(done, total); of a search both are times [s].
 Progress: TypeAlias = Callable[[float, float], object]
-"""Called now and then as progress(done, total); of a search both are times [s]."""
 
+#: What joint positions at the goal are, by the word of the account.
 POSTURES = {
     "reached": "bring the tip there",
     "limits": "lie beyond the joint limits",
@@ -25,7 +26,7 @@ POSTURES = {
     "near": "lie nearer to the singular set than the clearance",
     "contact": "are in collision",
 }
-"""What joint positions at the goal are, by the word of the account."""
+#: What stops curves to the goal, likewise.
 WAYS = {
     "landing": "do not arrive",
     "limits": "leave the joint limits",
@@ -33,7 +34,7 @@ WAYS = {
     "contact": "are in collision",
     "turn": "turn the spacecraft too far",
 }
-"""What stops curves to the goal, likewise."""
+#: What to relax.
 REMEDIES = {
     "reached": "take a goal nearer to the system CM, a task with fewer rows, or leave "
     "final_attitude open",
@@ -46,7 +47,6 @@ REMEDIES = {
     "turn": "allow a larger turn, or let more joints count (joints='all')",
     "landing": "give a longer timeout, another seed, or a posture in between (sa.Joints)",
 }
-"""What to relax."""
 
 
 class TimeUpError(Exception):

@@ -38,35 +38,35 @@ from spacearm.planning.optimiser import FAR, CurveFamily, Shape, Sines, Target, 
 
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
+#: Number of loops that are tried at once.
 MANY = 2000
-"""Number of loops that are tried at once."""
+#: Loops that are made larger at random, those that turn the spacecraft most; by how much at most
+#: [rad] or [m]; how often.
 BROAD, SPREAD, GENERATIONS = 300, 0.2, 4
-"""Loops that are made larger at random, those that turn the spacecraft most; by how much at most
-[rad] or [m]; how often."""
+#: Loops that are tried at a place, to compare places.
 SAMPLE = 20
-"""Loops that are tried at a place, to compare places."""
+#: Largest distance of the tip from its goal [m], [rad].
 CLOSE = 1e-4
-"""Largest distance of the tip from its goal [m], [rad]."""
+#: One in so many of these points is looked at for contacts.
 LOOKED_AT = 8
-"""One in so many of these points is looked at for contacts."""
+#: Steps of the integration along a curve; shares of it at which the distance is evaluated.
 INTERVALS, ALONG = 16, np.linspace(0.0, 1.0, 65)
-"""Steps of the integration along a curve; shares of it at which the distance is evaluated."""
+#: Curves whose turns are computed between two looks at the clock.
 TOGETHER = 300
-"""Curves whose turns are computed between two looks at the clock."""
+#: Newton steps with the attitude held, and with the attitude that follows from the curve.
 HELD_STEPS, TURNING_STEPS = 25, 12
-"""Newton steps with the attitude held, and with the attitude that follows from the curve."""
 
 
+#: Numbers of times that a loop is run through.
 LOOPS = (1, 2, 3, 4, 6, 8, 12)
-"""Numbers of times that a loop is run through."""
+#: Numbers of turns by loops that are considered for each end, nearest to the one needed.
 WORDS = 8
-"""Numbers of turns by loops that are considered for each end, nearest to the one needed."""
+#: Largest angle between the turn by loops and the turn that is needed [rad].
 NEAR = 0.4
-"""Largest angle between the turn by loops and the turn that is needed [rad]."""
+#: In place of the distance, for curves beyond the limits or on the other side of a singularity.
 BEYOND, ACROSS = -2.0, -1.0
-"""In place of the distance, for curves beyond the limits or on the other side of a singularity."""
+#: Configurations that are evaluated between two looks at the clock.
 BLOCK = 8_000
-"""Configurations that are evaluated between two looks at the clock."""
 
 
 @dataclass(frozen=True, eq=False)

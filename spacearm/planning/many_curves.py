@@ -31,37 +31,37 @@ from spacearm.mechanics.jacobian import plane_of_motion
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.planning.timing import flown_spline, smooth
 
+#: Largest joint motion of one step of Newton's method [rad] or [m].
 STRIDE = 0.5
-"""Largest joint motion of one step of Newton's method [rad] or [m]."""
 
+#: What the tip misses where Newton's method stops [m], [rad].
 DONE = 1e-10
-"""What the tip misses where Newton's method stops [m], [rad]."""
 
+#: Cosine of the angle beyond which the sine of a rotation does not tell its axis.
 OPPOSITE = -0.9
-"""Cosine of the angle beyond which the sine of a rotation does not tell its axis."""
 
+#: Drift of the spacecraft over which attitudes are iterated at once [rad]; iterations, at most;
+#: change of a rotation matrix that counts as none.
 PART, PICARD, SETTLED = 0.5, 50, 1e-14
-"""Drift of the spacecraft over which attitudes are iterated at once [rad]; iterations, at most;
-change of a rotation matrix that counts as none."""
+#: Largest motion of a joint, and turn by the momentum, in one step of the integration [rad] or [m];
+#: least number of all steps.
 FINE, FEWEST = 0.0025, 3200
-"""Largest motion of a joint, and turn by the momentum, in one step of the integration [rad] or [m];
-least number of all steps."""
+#: Waves 1 - cos(2 pi k s) of each joint by which rows are bent, s the share of their way.
 SHAPES = 2
-"""Waves 1 - cos(2 pi k s) of each joint by which rows are bent, s the share of their way."""
+#: Height of a wave by which the end is differentiated [rad] or [m].
 BENT = 1e-4
-"""Height of a wave by which the end is differentiated [rad] or [m]."""
+#: Share of the steps that take part in these differences.
 COARSE = 0.1
-"""Share of the steps that take part in these differences."""
+#: Error of the attitude at the end that counts as none [rad].
 TURNED = 1e-9
-"""Error of the attitude at the end that counts as none [rad]."""
+#: Newton steps, at most.
 STEPS = 8
-"""Newton steps, at most."""
+#: Joints that come nearer to their limits are not bent [rad] or [m].
 SLACK = 1e-3
-"""Joints that come nearer to their limits are not bent [rad] or [m]."""
 
 Indices: TypeAlias = npt.NDArray[np.int64]
+#: Returns the attitudes (r, 3, 3) of the spacecraft at the ends (r, n) of some of the curves.
 Turns: TypeAlias = Callable[[Array, Indices], Array]
-"""Returns the attitudes (r, 3, 3) of the spacecraft at the ends (r, n) of some of the curves."""
 
 
 @lru_cache(maxsize=64)

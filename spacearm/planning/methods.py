@@ -29,26 +29,26 @@ from spacearm.planning.roadmap import Roadmap
 from spacearm.planning.timing import rest_to_rest_times
 from spacearm.planning.tree import BOXES, by_boxes, by_tree, straight_rows
 
+#: Sizes of the curves that are tried [rad].
 WIDTHS = (0.3, 0.6, 1.0, 2.0)
-"""Sizes of the curves that are tried [rad]."""
+#: Numbers of curves of each size that are tried at once: many where few do not do.
 FEW, MANY = 75, 600
-"""Numbers of curves of each size that are tried at once: many where few do not do."""
+#: Postures about which loops are tried, in the first round and in later ones.
 FIRST_PLACES, PLACES = 2, 8
-"""Postures about which loops are tried, in the first round and in later ones."""
+#: Curves with a singularity on the way that are optimised, over the number of joints.
 STARTS = 60
-"""Curves with a singularity on the way that are optimised, over the number of joints."""
+#: Guesses that are checked for contacts with obstacles, which takes long.
 CHECKED = 40
-"""Guesses that are checked for contacts with obstacles, which takes long."""
+#: Free guesses that are optimised, others, and solutions of which the shortest is taken.
 TRIES, OTHERS, ENOUGH = 6, 2, 2
-"""Free guesses that are optimised, others, and solutions of which the shortest is taken."""
+#: Curves to ends nearer to each other than this are much the same to the optimiser [rad], [m].
 SAME = 0.1
-"""Curves to ends nearer to each other than this are much the same to the optimiser [rad], [m]."""
+#: Iterations of the optimiser in which the first of those others must do.
 QUICK = 25
-"""Iterations of the optimiser in which the first of those others must do."""
+#: Attitudes about an axis from which the straight line is tried; steps of the turn to each.
 TURNS, TURN_STEPS = 72, 24
-"""Attitudes about an axis from which the straight line is tried; steps of the turn to each."""
+#: Attitudes, nearest first, to which a motion is looked for.
 NEAREST = 4
-"""Attitudes, nearest first, to which a motion is looked for."""
 
 
 def straight(problem: Problem) -> Rows:
@@ -316,6 +316,8 @@ def _line(problem: Problem, start: Configuration, goal: Goal, limited: bool) -> 
     return line.q
 
 
+#: In the order in which "auto" tries them, "boxes" only where some are given; with obstacles "tree"
+#: after "straight", where contacts stop most ways before "roadmap".
 METHODS: dict[str, Callable[[Problem], Rows]] = {
     "straight": straight,
     BOXES: by_boxes,
@@ -325,5 +327,3 @@ METHODS: dict[str, Callable[[Problem], Rows]] = {
     "attitude first": attitude_first,
     "tree": by_tree,
 }
-"""In the order in which "auto" tries them, "boxes" only where some are given; with obstacles "tree"
-after "straight", where contacts stop most ways before "roadmap"."""

@@ -43,34 +43,34 @@ from spacearm.model.joints import joint_scales
 from spacearm.motion.goal import goal_axes, goal_rows, twist_between
 from spacearm.planning.many_curves import Indices, turning_axes
 
+#: Steps of the integration along a curve: enough for the optimiser, not for the end of a plan.
 INTERVALS = 16
-"""Steps of the integration along a curve: enough for the optimiser, not for the end of a plan."""
+#: Steps along each straight piece, likewise.
 EACH = 8
-"""Steps along each straight piece, likewise."""
+#: Factor on the clearance asked for, because the way may come nearer between the samples.
 MARGIN = 1.2
-"""Factor on the clearance asked for, because the way may come nearer between the samples."""
 ITERATIONS = 60
+#: Distance kept from the joint limits, because curves may bulge between the samples [rad], [m].
 INSET = 1e-3
-"""Distance kept from the joint limits, because curves may bulge between the samples [rad], [m]."""
+#: Largest norm of the residual at the end of a plan [m], [rad].
 ARRIVED = 1e-8
-"""Largest norm of the residual at the end of a plan [m], [rad]."""
+#: Newton steps to the end of a plan, and of a curve, whose derivatives are those of few steps.
 NEWTON_STEPS, REFINED = 6, 12
-"""Newton steps to the end of a plan, and of a curve, whose derivatives are those of few steps."""
+#: Length beyond which `refine` gives up a curve [rad] or [m].
 LONGEST = 200.0
-"""Length beyond which `refine` gives up a curve [rad] or [m]."""
+#: Distances to the singular set beyond this are not told apart [rad]: they are too rough.
 FAR = 1.0
-"""Distances to the singular set beyond this are not told apart [rad]: they are too rough."""
+#: Up to which distance [rad] the way out tells sides apart; cosine of the angle between two.
 NEARBY, TURNS_ROUND = 0.5, -0.8
-"""Up to which distance [rad] the way out tells sides apart; cosine of the angle between two."""
+#: Samples of which the two bodies nearest to contact count.
 TOGETHER = 4
-"""Samples of which the two bodies nearest to contact count."""
+#: Distance kept between bodies in the middle, as they may come nearer between the samples [m];
+#: joint motion by which distances are differentiated [rad] or [m].
 ROOM, NUDGE = 0.06, 1e-5
-"""Distance kept between bodies in the middle, as they may come nearer between the samples [m];
-joint motion by which distances are differentiated [rad] or [m]."""
+#: Bodies that stay farther apart on a guess do not count for the optimiser [m].
 BESIDE = 0.3
-"""Bodies that stay farther apart on a guess do not count for the optimiser [m]."""
+#: Joint motion between the rows of a plan [rad] or [m].
 SPACING = 0.02
-"""Joint motion between the rows of a plan [rad] or [m]."""
 
 
 class Target(NamedTuple):

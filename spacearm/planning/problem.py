@@ -40,23 +40,23 @@ from spacearm.singularities.report import NO_INVERSE, TOLERANCE
 from spacearm.singularities.sets import prove_regular, prove_way
 from spacearm.singularities.sides import dividable, on_the_other_side, parted
 
+#: The configurations along a motion, which is straight in joint space between them.
 Rows: TypeAlias = list[Configuration]
-"""The configurations along a motion, which is straight in joint space between them."""
 
+#: Time for a look at the sides on which a goal is reached [s], and searches for postures there.
 SIDE_TIME, SIDE_SEARCHES = 1.0, 100
-"""Time for a look at the sides on which a goal is reached [s], and searches for postures there."""
+#: Number of sines of curves and loops.
 WAVES = 3
-"""Number of sines of curves and loops."""
+#: What joints may be beyond their limits [rad] or [m].
 ROUNDING = 1e-12
-"""What joints may be beyond their limits [rad] or [m]."""
+#: Postures looked at to prove that no bodies meet on the splines that are flown.
 MOST_LOOKS = 50_000
-"""Postures looked at to prove that no bodies meet on the splines that are flown."""
+#: Rows that are walked or proven regular between two looks at the clock.
 TOGETHER = 100
-"""Rows that are walked or proven regular between two looks at the clock."""
+#: The clearance where none is asked for, but no more than half of what the start has [rad].
 LEAST = float(np.radians(0.1))
-"""The clearance where none is asked for, but no more than half of what the start has [rad]."""
+#: The clearance that is aimed at first, likewise.
 AMPLE = float(np.radians(6.0))
-"""The clearance that is aimed at first, likewise."""
 
 
 class InContactError(NoSolutionError):

@@ -39,12 +39,12 @@ from spacearm.model.wheels import axes_of
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.many_curves import turning_axes
 
+#: Of the joint positions that the bounds take.
 DERIVATIVES = 4
-"""Of the joint positions that the bounds take."""
+#: Parts of the time between two rows, tried in order.
 DIVIDED = (1, 2, 4, 8, 16)
-"""Parts of the time between two rows, tried in order."""
+#: Share of the largest momentum and torque up to which they may be larger between the times.
 MARGIN = 0.01
-"""Share of the largest momentum and torque up to which they may be larger between the times."""
 
 
 class Load(NamedTuple):
@@ -99,8 +99,8 @@ def _divided(arm: SpaceArm, way: PPoly, t: Array, parts: int) -> tuple[Array, Ar
     return np.append(begin, t[-1]), (h**2 / 8.0 * bounds[2:]).max(axis=1)
 
 
+#: Index of the spacecraft's joint in the model.
 ROOT = 1
-"""Index of the spacecraft's joint in the model."""
 
 
 def momentum_bounds(arm: SpaceArm, joints: Array) -> Array:
@@ -179,8 +179,8 @@ def largest_turn(rows: Sequence[Configuration]) -> float:
     return float((np.maximum(at_rows[:-1], at_rows[1:]) + between).max())
 
 
+#: Moment of inertia of a spacecraft that does not turn, over what the system has.
 BOUNDLESS = 1e9
-"""Moment of inertia of a spacecraft that does not turn, over what the system has."""
 
 
 @lru_cache(maxsize=16)
@@ -194,10 +194,10 @@ def boundless(arm: SpaceArm) -> SpaceArm:
     return arm.on(replace(tree, links={**tree.links, tree.root: heavy}))
 
 
+#: Share of a momentum that is rounding.
 ROUNDING = 1e-9
-"""Share of a momentum that is rounding."""
+#: Names of the wheels of a spacecraft that has none in its description.
 THREE = ("about x", "about y", "about z")
-"""Names of the wheels of a spacecraft that has none in its description."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,10 +23,10 @@ from spacearm.planning.timing import for_each_joint, largest_rates
 from spacearm.signatures import checked
 from spacearm.singularities.box_graph import FreeBoxes
 
+#: Largest clearance [rad]: the distance to the singular set is too rough beyond.
 FARTHEST = 1.0
-"""Largest clearance [rad]: the distance to the singular set is too rough beyond."""
+#: The task's rows of a twist [m/s], [rad/s]; of several tips by their names.
 FinalTwist: TypeAlias = npt.ArrayLike | Mapping[str, npt.ArrayLike]
-"""The task's rows of a twist [m/s], [rad/s]; of several tips by their names."""
 
 
 @checked

@@ -36,8 +36,8 @@ from spacearm.singularities.immaterial_masses import payload_note
 from spacearm.singularities.nearest import NearestSingular, nearness
 from spacearm.singularities.sets import nearest_on_way, prove_regular, prove_way
 
+#: How far the splines that are flown may be from chords that stand for them, about [rad].
 SPLINE = 1e-4
-"""How far the splines that are flown may be from chords that stand for them, about [rad]."""
 IGNORED = "collisions NOT checked (collisions=False)"
 FAILED = "collisions NOT checked of this attempt"
 

@@ -133,22 +133,22 @@ def _curve(knots: Array) -> CubicSpline:
 
 AnyMotion = TypeVar("AnyMotion", bound=Motion)
 
+#: Share of the duration over which torques build up, unless given.
 RISE = 0.1
-"""Share of the duration over which torques build up, unless given."""
+#: Points of a piece of path at which its rate is sought.
 GRID = 200
-"""Points of a piece of path at which its rate is sought."""
+#: Times at which that rate is smoothed.
 FINE = 4000
-"""Times at which that rate is smoothed."""
+#: Rows of the result.
 ROWS = 400
-"""Rows of the result."""
+#: Rows of a piece, at least.
 FEWEST = 30
-"""Rows of a piece, at least."""
+#: Limits of which the fastest motion takes less than this share are seen to afterwards.
 UNFELT = 1e-3
-"""Limits of which the fastest motion takes less than this share are seen to afterwards."""
+#: Largest and least rates along a path, in paths for about the time that one takes.
 FASTEST, LEAST = 100.0, 1e-12
-"""Largest and least rates along a path, in paths for about the time that one takes."""
+#: Knots between two rows, tried in order.
 DIVIDED = (1, 2, 4, 8)
-"""Knots between two rows, tried in order."""
 
 
 @checked

@@ -26,30 +26,30 @@ from spacearm.planning.guesses import Guess, GuessFinder, angles, closed
 from spacearm.planning.many_curves import Indices
 from spacearm.planning.optimiser import Corners
 
+#: Searches for postures at the goal, for each size of the turns to their attitudes [rad].
 SEARCHES, WIDTHS = 300, (0.6, 1.5, 3.0)
-"""Searches for postures at the goal, for each size of the turns to their attitudes [rad]."""
+#: Postures at the goal, half of them those of the least turns; others to which the straight way
+#: from the start is free, and others anywhere.
 ENDS, IN_SIGHT, OTHERS = 150, 40, 40
-"""Postures at the goal, half of them those of the least turns; others to which the straight way
-from the start is free, and others anywhere."""
+#: Postures of which the others are taken.
 DRAWN = 400
-"""Postures of which the others are taken."""
+#: Shares of a piece at which it is checked for singularities.
 ALONG = np.linspace(0.0, 1.0, 33)[:, None]
-"""Shares of a piece at which it is checked for singularities."""
+#: Shares of a piece at which it is looked at for contacts.
 LOOKED_AT = np.linspace(0.0, 1.0, 9)[1:-1, None]
-"""Shares of a piece at which it is looked at for contacts."""
+#: How often ways are sought anew where bodies meet on some of their pieces.
 GROWN = 10
-"""How often ways are sought anew where bodies meet on some of their pieces."""
+#: Corners of a guess, at least, both ends included.
 FEWEST = 4
-"""Corners of a guess, at least, both ends included."""
+#: Numbers of times that a loop is run through.
 TIMES = (1, 2, 3, 4, 6, 8, 12)
-"""Numbers of times that a loop is run through."""
+#: Turns whose rotation vectors round to the same multiples of this count once [rad]; more than the
+#: number of these on each axis.
 CELL, SIDE = 0.15, 64
-"""Turns whose rotation vectors round to the same multiples of this count once [rad]; more than the
-number of these on each axis."""
+#: Largest turn that may be missing [rad]; joint travel that a radian of it counts for.
 GAP, PAID = 0.4, 30.0
-"""Largest turn that may be missing [rad]; joint travel that a radian of it counts for."""
+#: Ways to the goal that are matched with each loop.
 MATCHES = 4
-"""Ways to the goal that are matched with each loop."""
 
 
 class Ways(NamedTuple):

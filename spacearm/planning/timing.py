@@ -14,12 +14,12 @@ from spacearm.arrays import Array, finite
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 
+#: Rate of joints whose URDF gives no velocity limit [rad/s] or [m/s].
 UNLIMITED = 0.5
-"""Rate of joints whose URDF gives no velocity limit [rad/s] or [m/s]."""
+#: Largest rate of a motion from rest to rest along 10 u^3 - 15 u^4 + 6 u^5, over its mean.
 PEAK = 1.875
-"""Largest rate of a motion from rest to rest along 10 u^3 - 15 u^4 + 6 u^5, over its mean."""
+#: Rows between which the direction changes by more than this are a corner [rad].
 CORNER = 0.3
-"""Rows between which the direction changes by more than this are a corner [rad]."""
 
 
 def rest_to_rest_times(q: Array, rates: Array) -> Array:

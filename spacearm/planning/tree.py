@@ -29,35 +29,35 @@ from spacearm.planning.problem import Problem, Rows
 from spacearm.singularities.box_graph import FreeBoxes
 from spacearm.singularities.immaterial_masses import digest_of_set
 
+#: Branches that are grown, and landed, at once.
 GROWN = 48
-"""Branches that are grown, and landed, at once."""
+#: Joint positions at the goal to which each node is led.
 LANDINGS = 3
-"""Joint positions at the goal to which each node is led."""
+#: Searches for joint positions at the goal, at attitudes about that of the start.
 ENDS = 400
-"""Searches for joint positions at the goal, at attitudes about that of the start."""
+#: Sizes of the turns to these attitudes [rad], one after the other.
 WIDTHS = (0.0, 0.3, 1.0)
-"""Sizes of the turns to these attitudes [rad], one after the other."""
+#: Variants of a motion that are tried at once to shorten it, and how often.
 VARIANTS, GENERATIONS = 48, 10
-"""Variants of a motion that are tried at once to shorten it, and how often."""
+#: Largest joint motion along a branch [rad] or [m].
 BRANCH = 1.0
-"""Largest joint motion along a branch [rad] or [m]."""
+#: Joint motion between postures that are checked for contacts [rad] or [m].
 CLEAR = 0.05
-"""Joint motion between postures that are checked for contacts [rad] or [m]."""
+#: Newton steps to the end of a last piece.
 STEPS = 25
-"""Newton steps to the end of a last piece."""
+#: Steps of the integration along a piece; points at which a piece is checked.
 INTERVALS, POINTS = 6, 13
-"""Steps of the integration along a piece; points at which a piece is checked."""
+#: Name of the method that goes through boxes.
 BOXES = "boxes"
-"""Name of the method that goes through boxes."""
+#: Ways through boxes that are led to the goal at once, and how often, by way of other boxes; sizes
+#: of the turns to its attitudes [rad].
 WAYS, BY_WAY, TURNED = 24, 20, (0.3, 1.0, 3.0)
-"""Ways through boxes that are led to the goal at once, and how often, by way of other boxes; sizes
-of the turns to its attitudes [rad]."""
+#: Nearest boxes to which a straight piece is tried.
 ENTRIES = 32
-"""Nearest boxes to which a straight piece is tried."""
+#: Rounds in which a tree grows, twice as many in each round of the search.
 TREES = 30
-"""Rounds in which a tree grows, twice as many in each round of the search."""
+#: Joint motion that counts as none.
 STILL = 1e-12
-"""Joint motion that counts as none."""
 
 
 class Tree:

@@ -36,10 +36,10 @@ from spacearm.singularities.report import singularity
 from spacearm.uncertainty.intervals import UncertainArm
 from spacearm.workspaces.path_dependent import Region
 
+#: Share of a chain's length below which a link is too short for a label.
 LEAST = 0.08
-"""Share of a chain's length below which a link is too short for a label."""
+#: Width and height of a figure [inch].
 SIZE = (7.2, 6.0)
-"""Width and height of a figure [inch]."""
 
 
 @draws(Configuration)
@@ -284,8 +284,8 @@ def _places(cfg: Configuration, tip: str) -> tuple[Array, list[str]]:
     return ends, [joint.child for joint in chain]
 
 
+#: Time [s] over which velocities are drawn as displacements.
 SECONDS = 0.75
-"""Time [s] over which velocities are drawn as displacements."""
 
 
 def draw_velocities(axes: Any, cfg: Configuration) -> None:

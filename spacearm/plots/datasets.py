@@ -12,8 +12,8 @@ from spacearm.plots.style import BLUE, COLOURS, GREY, RED, axes_for, draws, enti
 if TYPE_CHECKING:
     import xarray as xr
 
+#: Curves in one drawing.
 MOST_CURVES = 12
-"""Curves in one drawing."""
 
 
 @draws()

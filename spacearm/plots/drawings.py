@@ -15,8 +15,8 @@ from spacearm.plots import configurations, datasets, maps, mission, motions, rep
 from spacearm.plots.style import DRAWINGS
 from spacearm.results import Described
 
+#: All that draw: they are entered in `DRAWINGS` when they are imported.
 MODULES = (configurations, datasets, maps, mission, motions, reports, workspaces)
-"""All that draw: they are entered in `DRAWINGS` when they are imported."""
 
 
 def drawing_of(thing: object) -> Callable[..., Any]:

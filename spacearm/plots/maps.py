@@ -31,18 +31,18 @@ from spacearm.singularities.box_graph import FreeBoxes
 from spacearm.singularities.joint_boxes import FreeBox
 from spacearm.singularities.map import SingularMap
 
+#: Distance beyond which the colours of a map do not change [deg].
 FAR = 45.0
-"""Distance beyond which the colours of a map do not change [deg]."""
+#: What the colours of a map are.
 FIRST_ORDER = "joint motion to a singular posture, to first order [deg]"
-"""What the colours of a map are."""
+#: Where the outline of a range without end is drawn, out of sight [rad].
 ENDLESS = 3.0 * np.pi
-"""Where the outline of a range without end is drawn, out of sight [rad]."""
+#: Ends of the colours of maps on which all distances are less [deg].
 SCALES = (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0)
-"""Ends of the colours of maps on which all distances are less [deg]."""
+#: Bins along each joint in which samples are counted to find the joints that show structure.
 BINS = 18
-"""Bins along each joint in which samples are counted to find the joints that show structure."""
+#: Samples drawn of an exact set, and of one whose every sample takes a search.
 MOST_SAMPLED, MOST_FOUND = 4000, 200
-"""Samples drawn of an exact set, and of one whose every sample takes a search."""
 
 
 @draws(SingularMap, size=(7.2, 6.0))
@@ -261,8 +261,8 @@ def _on_screen(curve: Array) -> Array:
     return np.insert(folded, jumps, np.nan, axis=0)
 
 
+#: Values along each angle.
 POINTS = 361
-"""Values along each angle."""
 
 
 @draws(TrigPolynomial)

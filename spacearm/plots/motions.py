@@ -41,10 +41,10 @@ from spacearm.plots.workspaces import draw_ring
 from spacearm.results import short_names
 from spacearm.workspaces.path_dependent import Workspace
 
+#: Opacities of the postures that are drawn behind the tip path, from its start to its end.
 FADES = (0.15, 0.25, 0.35, 0.55)
-"""Opacities of the postures that are drawn behind the tip path, from its start to its end."""
+#: Largest distance of a singular posture found that is told apart [deg].
 FAR = 45.0
-"""Largest distance of a singular posture found that is told apart [deg]."""
 
 
 @draws(Motion)

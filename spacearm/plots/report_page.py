@@ -36,24 +36,24 @@ from spacearm.singularities.risk import risk_profile, uniform
 from spacearm.singularities.sets import singular_set
 from spacearm.workspaces.path_dependent import workspace
 
+#: Singular configurations from which shells are searched, a tenth of what `workspace` takes.
 EFFORT = 20_000
-"""Singular configurations from which shells are searched, a tenth of what `workspace` takes."""
+#: Configurations of the risk profile.
 SAMPLES = 50_000
-"""Configurations of the risk profile."""
+#: Postures of the wheel sizing.
 POSTURES = 400
-"""Postures of the wheel sizing."""
+#: Postures from which the working posture is chosen.
 CANDIDATES = 2000
-"""Postures from which the working posture is chosen."""
+#: Turns of the spacecraft for which the level reach is reported [deg].
 TILTS = (0.5, 2.0, 5.0)
-"""Turns of the spacecraft for which the level reach is reported [deg]."""
+#: Speed of the tip for which wheels are sized [m/s] or [rad/s].
 TIP_SPEED = 0.1
-"""Speed of the tip for which wheels are sized [m/s] or [rad/s]."""
+#: Masses of the bus that are compared, as shares of its own.
 HEAVIER = (0.25, 0.5, 1.0, 2.0, 4.0)
-"""Masses of the bus that are compared, as shares of its own."""
+#: Pictures that are larger as SVG are written as PNG [bytes].
 LARGEST_SVG = 400_000
-"""Pictures that are larger as SVG are written as PNG [bytes]."""
+#: Dots per inch of PNG pictures.
 DOTS = 150
-"""Dots per inch of PNG pictures."""
 
 STYLE = """
 :root { color-scheme: light; }

@@ -29,10 +29,10 @@ from spacearm.singularities.report import IN_WORDS, SingularityReport
 from spacearm.singularities.rounding import ErrorBars
 
 ROWS = ("x", "y", "z", "rx", "ry", "rz")
+#: Share of the largest entry of a matrix below which an entry is rounding and shown as 0.
 ROUNDING = 1e-14
-"""Share of the largest entry of a matrix below which an entry is rounding and shown as 0."""
+#: Share of the largest entry down to which colours of a matrix are logarithmic.
 DECADES = 1e-3
-"""Share of the largest entry down to which colours of a matrix are logarithmic."""
 
 
 @draws(SingularityReport)

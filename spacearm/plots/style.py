@@ -26,34 +26,34 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 BLUE, RED, GREEN, ORANGE, GREY = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#5b6470"
 PURPLE, SKY = "#cc79a7", "#56b4e9"
+#: Colours of Okabe and Ito, which colour-blind readers can tell apart.
 COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY)
-"""Colours of Okabe and Ito, which colour-blind readers can tell apart."""
+#: What `matplotlib.style.use("spacearm.paper")` takes.
 SHEET = Path(__file__).parents[1] / "paper.mplstyle"
-"""What `matplotlib.style.use("spacearm.paper")` takes."""
 STYLE: Any = {  # Matplotlib's stubs accept literal names only
     **mpl.rc_params_from_file(SHEET, use_default_template=False),
     "svg.hashsalt": "spacearm",
     "text.parse_math": False,  # names may hold dollar signs
 }
+#: What draws each kind of result; see `draws`.
 DRAWINGS: dict[type, Callable[..., Any]] = {}
-"""What draws each kind of result; see `draws`."""
+#: Size of figures in notebooks.
 PIXELS_PER_INCH = 90
-"""Size of figures in notebooks."""
+#: Most intervals between ticks, in the plane and in space: their labels then do not touch.
 MOST_TICKS = {False: 6, True: 5}
-"""Most intervals between ticks, in the plane and in space: their labels then do not touch."""
+#: Mean width of a letter, as a share of the size of its font.
 LETTER = 0.52
-"""Mean width of a letter, as a share of the size of its font."""
 AROUND = 2.0 * np.pi * np.arange(12) / 12.0 + np.pi / 4.0
+#: Where labels can stand beside their points, times distances.
 OFFSETS = 1.4 * np.column_stack((np.cos(AROUND), np.sin(AROUND)))
-"""Where labels can stand beside their points, times distances."""
+#: Direction in which labels stand from their points if they can.
 UP = np.array([1.0, 0.9])
-"""Direction in which labels stand from their points if they can."""
+#: Distances of labels from their points [pt].
 DISTANCES = (6.0, 16.0, 28.0, 44.0, 64.0, 90.0, 120.0)
-"""Distances of labels from their points [pt]."""
+#: Order of what is drawn over all bodies.
 IN_FRONT = 1e3
-"""Order of what is drawn over all bodies."""
+#: Share of their extent by which points may leave a plane and still count as flat.
 FLAT = 1e-9
-"""Share of their extent by which points may leave a plane and still count as flat."""
 
 
 @contextmanager

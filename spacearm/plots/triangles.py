@@ -20,14 +20,14 @@ from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.plots.style import GREEN, PURPLE
 
+#: Colour of the spacecraft.
 GOLD = "#d9b25f"
-"""Colour of the spacecraft."""
+#: Share of white in the colour of a body.
 TINT = 0.55
-"""Share of white in the colour of a body."""
+#: Sine of the angle up to which a triangle is seen from its edge.
 EDGE_ON = 1e-6
-"""Sine of the angle up to which a triangle is seen from its edge."""
+#: Longest edge of a drawn triangle, as a share of all: smaller ones are sorted by depth rightly.
 FINEST = 1.0 / 12.0
-"""Longest edge of a drawn triangle, as a share of all: smaller ones are sorted by depth rightly."""
 
 
 class Solid(NamedTuple):

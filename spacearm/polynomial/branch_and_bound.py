@@ -18,8 +18,8 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.polynomial.trig import TrigPolynomial
 
+#: Largest number of boxes at a time; only extremes that are no isolated points need more.
 MOST_BOXES = 400_000
-"""Largest number of boxes at a time; only extremes that are no isolated points need more."""
 
 
 class Proof(NamedTuple):

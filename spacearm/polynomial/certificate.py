@@ -26,12 +26,12 @@ from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.trig import EPS
 from spacearm.results import Cell, Description, Measure, Result, Table
 
+#: Sums of half axes of Bernstein ellipses, of which the best bounds the error of a series.
 ELLIPSES = np.array([1.1, 1.4, 2.0, 4.0, 8.0, 16.0, 32.0, 128.0, 1024.0])
-"""Sums of half axes of Bernstein ellipses, of which the best bounds the error of a series."""
+#: Error of a series, as a share of the scale.
 INTERPOLATED = 1e-15
-"""Error of a series, as a share of the scale."""
+#: Longest series; segments of some thousand radians would need longer ones.
 MOST_TERMS = 4096
-"""Longest series; segments of some thousand radians would need longer ones."""
 
 
 class Restriction(NamedTuple):
@@ -101,27 +101,27 @@ def _length(f: Jets, start: Array, step: Array) -> float:
     return float(N.min())
 
 
+#: Intervals that a segment is first divided into.
 PIECES = 8
-"""Intervals that a segment is first divided into."""
+#: Width below which an interval is not halved [rad].
 NARROW = 1e-12
-"""Width below which an interval is not halved [rad]."""
+#: Largest number of intervals at a time: of paths that go along the set for long.
 MOST = 50_000
-"""Largest number of intervals at a time: of paths that go along the set for long."""
 
+#: Steps to the best place where several polynomials are rounding; the longest, as a share of the
+#: segment.
 REFINEMENTS, CLOSE = 20, 1e-6
-"""Steps to the best place where several polynomials are rounding; the longest, as a share of the
-segment."""
 
+#: Parts of a path in which progress is told.
 WHOLE = 1000
-"""Parts of a path in which progress is told."""
 
 Verdict = Literal["free", "singular", "undecided"]
+#: What the verdicts mean.
 WORDS: dict[Verdict, str] = {
     "free": "meets no singularity: proven",
     "singular": "meets a singularity",
     "undecided": "comes too near to a singularity for a proof",
 }
-"""What the verdicts mean."""
 
 
 class Certificate(Result):

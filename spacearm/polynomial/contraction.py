@@ -28,18 +28,18 @@ from spacearm.compiler import numbers
 from spacearm.compiler.machine import processors
 from spacearm.polynomial.univariate import Complex
 
+#: Points of a block: a thread's work at a time.
 BLOCK = 1 << 12
-"""Points of a block: a thread's work at a time."""
+#: Half a megabyte of numbers is worked on at once, or so many points.
 NUMBERS, FEWEST = 1 << 16, 128
-"""Half a megabyte of numbers is worked on at once, or so many points."""
+#: Products of so many numbers OpenBLAS computes in one thread.
 ALONE = 1 << 18
-"""Products of so many numbers OpenBLAS computes in one thread."""
+#: Fewest and most points of such a product.
 PIECES = 8, 48
-"""Fewest and most points of such a product."""
+#: Points at which tensors of a shape were summed before that is compiled.
 MANY = 20_000
-"""Points at which tensors of a shape were summed before that is compiled."""
+#: Tensors of so many numbers are summed by machine code alone.
 SMALL = 256
-"""Tensors of so many numbers are summed by machine code alone."""
 
 
 def to_real(c: Complex) -> Array:
@@ -217,10 +217,10 @@ def _halves(axes: list[int], shape: tuple[int, ...]) -> tuple[list[int], list[in
     return groups
 
 
+#: Values of a block, half a megabyte: they fit the second cache.
 VALUES = 1 << 16
-"""Values of a block, half a megabyte: they fit the second cache."""
+#: Points of an axis from which it may be the last one, whose product makes all the values.
 WIDE = 16
-"""Points of an axis from which it may be the last one, whose product makes all the values."""
 
 T = TypeVar("T")
 Index = tuple[slice, ...]

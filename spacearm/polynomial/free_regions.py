@@ -36,16 +36,16 @@ from spacearm.arrays import Array
 from spacearm.polynomial.jets import Jets, stacked
 from spacearm.polynomial.tubes import ROUNDING, Booleans, Indices, Tubes
 
+#: Boxes that are tried at a time at most and at least, and in how many times a budget is spent: the
+#: fewer at a time, the more of those that are nearest.
 BATCH, LEAST, SPLIT = 512, 16, 50
-"""Boxes that are tried at a time at most and at least, and in how many times a budget is spent: the
-fewer at a time, the more of those that are nearest."""
+#: Half width of boxes that are not halved: a common root is as good as found.
 NARROW = 1e-7
-"""Half width of boxes that are not halved: a common root is as good as found."""
+#: Share of all coefficients that the polynomials tried first have at most, and how often a box is
+#: halved with these alone before all are tried.
 SMALL, PATIENCE = 0.31, 2
-"""Share of all coefficients that the polynomials tried first have at most, and how often a box is
-halved with these alone before all are tried."""
+#: Share of the squared slopes that is added to the small systems, which may be singular.
 RIDGE = 1e-14
-"""Share of the squared slopes that is added to the small systems, which may be singular."""
 
 
 class Expansion(NamedTuple):

@@ -21,10 +21,10 @@ from spacearm.arrays import Array
 from spacearm.polynomial.trig import TrigPolynomial, derivative_bounds
 from spacearm.polynomial.univariate import orders
 
+#: Largest number of partial sums that an evaluation holds at once.
 BLOCK = 1 << 20
-"""Largest number of partial sums that an evaluation holds at once."""
+#: Logarithm of the largest bound that is computed; numbers end at 709.
 LARGEST = 600.0
-"""Logarithm of the largest bound that is computed; numbers end at 709."""
 
 
 @dataclass(frozen=True)

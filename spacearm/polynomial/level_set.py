@@ -28,13 +28,13 @@ from spacearm.polynomial.univariate import wrap
 
 FIRST_GRID = {2: 192, 3: 48}
 LAST_GRID = {2: 3072, 3: 192}
+#: How often an undecided cell is halved in the search for a missed piece. Pieces of the set smaller
+#: than 2 pi / (grid 2^depth) may be missed: 0.03 degrees for lines, 2 degrees for surfaces.
 SEARCH_DEPTH = {2: 6, 3: 2}
-"""How often an undecided cell is halved in the search for a missed piece. Pieces of the set smaller
-than 2 pi / (grid 2^depth) may be missed: 0.03 degrees for lines, 2 degrees for surfaces."""
+#: Where the grid begins in each angle [rad]: roots often lie at round angles.
 OFFSET = 0.0123456789
-"""Where the grid begins in each angle [rad]: roots often lie at round angles."""
+#: Ends nearer than this on the torus are one point [rad]: both come from the same grid values.
 SEWN = 1e-6
-"""Ends nearer than this on the torus are one point [rad]: both come from the same grid values."""
 
 
 class Mesh(NamedTuple):
@@ -121,13 +121,13 @@ def _isosurface(values: Array) -> tuple[Array, npt.NDArray[np.int_]]:
     return np.concatenate(points), np.concatenate(triangles)
 
 
+#: The edges of the tetrahedra that leave a grid point.
 EDGES = np.array([along for along in product((0, 1), repeat=3) if any(along)])
-"""The edges of the tetrahedra that leave a grid point."""
+#: Corners (4, 3) of the tetrahedra of a cell.
 TETRAHEDRA = [
     np.array([np.isin(range(3), order[:i]) for i in range(4)], dtype=int)
     for order in permutations(range(3))
 ]
-"""Corners (4, 3) of the tetrahedra of a cell."""
 
 
 def _cases() -> Iterator[tuple[set[int], list[tuple[tuple[int, int], ...]]]]:

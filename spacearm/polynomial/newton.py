@@ -19,20 +19,20 @@ from spacearm.arrays import Array
 from spacearm.polynomial.jets import Jets, Pointwise, stacked
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 
+#: Largest number of steps.
 STEPS = 60
-"""Largest number of steps."""
+#: Length of the step after which the iteration ends [rad].
 CONVERGED = 1e-14
-"""Length of the step after which the iteration ends [rad]."""
+#: Largest number of Gauss-Newton steps onto common roots; the longest of them [rad].
 ONTO_STEPS, ONTO_STRIDE = 30, 0.05
-"""Largest number of Gauss-Newton steps onto common roots; the longest of them [rad]."""
+#: Longest step towards a stationary point [rad].
 STRIDE = 0.1
-"""Longest step towards a stationary point [rad]."""
+#: Largest joint motion of one run of an optimisation [rad].
 SHORT = 0.4
-"""Largest joint motion of one run of an optimisation [rad]."""
+#: Largest number of runs.
 MOST_WAYS = 60
-"""Largest number of runs."""
+#: Distance from its limit below which a joint counts as at the limit [rad].
 AT_LIMIT = 1e-7
-"""Distance from its limit below which a joint counts as at the limit [rad]."""
 
 
 def shortened(step: Array, stride: float) -> Array:

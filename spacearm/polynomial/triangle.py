@@ -27,25 +27,25 @@ from spacearm.polynomial.newton import onto, shortened
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.polynomial.univariate import Complex, line_roots
 
+#: Lines tried in the search for roots that a triangle does not give.
 LINES = 4096
-"""Lines tried in the search for roots that a triangle does not give."""
+#: Number of those that come nearest to being such roots, which are followed up.
 FEW = 16
-"""Number of those that come nearest to being such roots, which are followed up."""
+#: Coefficients along a line below this share of the scale are zero.
 VANISHES = 1e-9
-"""Coefficients along a line below this share of the scale are zero."""
+#: Number of Gauss-Newton steps towards such roots, longest step, how far they may be [rad].
 STEPS, STRIDE, NEAR = 20, 0.1, 0.5
-"""Number of Gauss-Newton steps towards such roots, longest step, how far they may be [rad]."""
+#: Singular values of the derivatives below this share of the largest are zero.
 RANK = 1e-5
-"""Singular values of the derivatives below this share of the largest are zero."""
+#: Share of the scale below which another polynomial vanishes at roots of a resultant, to which
+#: Newton's method then moves them.
 ALMOST = 1e-5
-"""Share of the scale below which another polynomial vanishes at roots of a resultant, to which
-Newton's method then moves them."""
+#: Values of polynomials at a common root are below this share of their size.
 COMMON = 1e-6
-"""Values of polynomials at a common root are below this share of their size."""
+#: Highest degree of a resultant.
 HIGHEST = 24
-"""Highest degree of a resultant."""
+#: Up to this many polynomials all orders are tried.
 MOST_ORDERS = 5
-"""Up to this many polynomials all orders are tried."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,20 +42,20 @@ from spacearm.signatures import checked
 Sampler = Callable[[Array], Array]
 Integers = npt.NDArray[np.int_]
 
+#: Largest number of samples of a fit, to bound its memory.
 MOST_SAMPLES = 10_000_000
-"""Largest number of samples of a fit, to bound its memory."""
+#: Random lines along each angle, from whose spectra its degree is found.
 LINES = 4
-"""Random lines along each angle, from whose spectra its degree is found."""
+#: Random points at which a fit is compared with new samples.
 CHECKS = 64
-"""Random points at which a fit is compared with new samples."""
+#: How much larger the error of a sample may be than the largest seen at these points.
 SAFETY = 8.0
-"""How much larger the error of a sample may be than the largest seen at these points."""
+#: Share of the largest coefficient along a line below which one is left out.
 ROUNDING = 1e-13
-"""Share of the largest coefficient along a line below which one is left out."""
+#: How much larger a coefficient is than those that only rounding makes.
 ABOVE_ROUNDING = 32.0
-"""How much larger a coefficient is than those that only rounding makes."""
+#: Share of the size of a function by which a fit must not miss it.
 MISFIT = 1e-9
-"""Share of the size of a function by which a fit must not miss it."""
 
 
 def interpolants(sampler: Sampler, degrees: Integers) -> list[Complex]:
@@ -127,8 +127,8 @@ def _lebesgue(N: int) -> float:
     return float((1.0 / np.sin((2 * np.arange(N) + 1) * np.pi / (2 * N))).mean())
 
 
+#: Share of the scale to which Newton's method brings values on a root.
 NOISE = 1e-12
-"""Share of the scale to which Newton's method brings values on a root."""
 EPS = float(np.finfo(np.float64).eps)
 
 

@@ -21,13 +21,13 @@ from spacearm.arrays import Array
 Booleans = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int_]
 
+#: Share of a distance that bounds its rounding.
 ROUNDING = 1e-9
-"""Share of a distance that bounds its rounding."""
+#: Steps towards the point of a chord that is nearest to a box.
 BISECTIONS = 20
-"""Steps towards the point of a chord that is nearest to a box."""
 EPS = float(np.finfo(np.float64).eps)
+#: Parts that a piece of a spline is divided into at most.
 MOST_PARTS = 64
-"""Parts that a piece of a spline is divided into at most."""
 
 
 def straight(rows: Array) -> Array:

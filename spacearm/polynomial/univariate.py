@@ -22,21 +22,21 @@ import numpy.typing as npt
 from spacearm.arrays import Array, named
 from spacearm.compiler import numbers
 
+#: Multiple roots split off the unit circle by a root of rounding, less than this; the value of f
+#: then decides.
 NEAR_CIRCLE = 1e-2
-"""Multiple roots split off the unit circle by a root of rounding, less than this; the value of f
-then decides."""
+#: Newton steps for every root.
 POLISH = 8
-"""Newton steps for every root."""
+#: Longest of these steps [rad].
 LONGEST = 0.1
-"""Longest of these steps [rad]."""
+#: Share of the scale below which a value is zero.
 ZERO = 1e-12
-"""Share of the scale below which a value is zero."""
+#: Bound of the iteration.
 MOST = 60
-"""Bound of the iteration."""
+#: Size of the steps, as a share of the root, with which it ends.
 SETTLED = 1e-8
-"""Size of the steps, as a share of the root, with which it ends."""
+#: Share of the sizes of the roots by which their sum may be wrong.
 SUM = 1e-5
-"""Share of the sizes of the roots by which their sum may be wrong."""
 
 
 def circle_roots(xp: Any, d: int, line: Any) -> tuple[Any, Any]:
@@ -142,10 +142,10 @@ def compiled_roots(d: int) -> Any:
 
 Complex: TypeAlias = npt.NDArray[np.complexfloating[Any, Any]]
 
+#: Roots nearer than this are one root with a multiplicity [rad].
 SAME = 1e-6
-"""Roots nearer than this are one root with a multiplicity [rad]."""
+#: Lines of a degree at which the iteration is compiled.
 MANY = 2000
-"""Lines of a degree at which the iteration is compiled."""
 
 _lines: Counter[int] = Counter()  # solved so far, by degree
 

@@ -18,8 +18,8 @@ from spacearm.motion.controllers import Law
 from spacearm.servo.servo import Servo, ServoStep
 from spacearm.signatures import checked
 
+#: Share of a period by which times of a sampled controller may be off.
 SAME = 1e-6
-"""Share of a period by which times of a sampled controller may be off."""
 
 
 @checked

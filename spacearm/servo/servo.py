@@ -27,19 +27,20 @@ from spacearm.signatures import checked, shown
 from spacearm.singularities.nearest import NearestSearch, angle
 from spacearm.singularities.sets import singular_set
 
+#: A configuration, or joint positions (n,) and the pose of the spacecraft.
 Posture: TypeAlias = Configuration | tuple[npt.ArrayLike, PoseLike]
-"""A configuration, or joint positions (n,) and the pose of the spacecraft."""
+#: Attitude of a spacecraft, on which no distance depends.
 AT_REST = np.array([0.0, 0.0, 0.0, 1.0])
-"""Attitude of a spacecraft, on which no distance depends."""
 FRAMES = ("inertial", "spacecraft", "tip")
+#: Stand for limits of joints and of wheels that there are not.
 UNLIMITED, NO_BUDGET = 1e6, 1e30
-"""Stand for limits of joints and of wheels that there are not."""
+#: Distances that are kept, and from which on nothing is slowed [rad].
 STOP, SLOW = float(np.radians(5.0)), float(np.radians(15.0))
-"""Distances that are kept, and from which on nothing is slowed [rad]."""
+#: Longest time of a tick [s].
 LONGEST = 0.5
-"""Longest time of a tick [s]."""
+#: Share of the motion below which something is said to slow it.
 SEEN = 0.999
-"""Share of the motion below which something is said to slow it."""
+#: Why the servo halts.
 HALTED = {
     "q": "the joint positions are not finite numbers",
     "quaternion": "the attitude is no unit quaternion",
@@ -49,7 +50,6 @@ HALTED = {
     "jump": "a joint has moved faster than twice its largest rate since the last step",
     "search": "the nearest singular postures are being looked for",
 }
-"""Why the servo halts."""
 
 
 class ServoStep(Result):

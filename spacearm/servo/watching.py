@@ -20,8 +20,8 @@ from spacearm.singularities.nearest import angle
 
 Level = Literal["clear", "warning", "stop", "fault"]
 TONES: dict[Level, Tone] = {"clear": "good", "warning": "caution", "stop": "bad", "fault": "bad"}
+#: Names of what tells the time in a message.
 TIMES = ("t", "time", "stamp", "header")
-"""Names of what tells the time in a message."""
 
 
 class JointState(NamedTuple):

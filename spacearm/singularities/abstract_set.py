@@ -77,10 +77,10 @@ def prove_free(
     return Certificate(True, None, None, margin, "free", noise)
 
 
+#: How far a chord that stands for several pieces of a path may be from it, over the clearance.
 CHORD = 0.02
-"""How far a chord that stands for several pieces of a path may be from it, over the clearance."""
+#: How many times as many boxes as that of a posture the proof of a clearance may take.
 MANY = 5
-"""How many times as many boxes as that of a posture the proof of a clearance may take."""
 
 
 def prove_clear(

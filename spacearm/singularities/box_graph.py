@@ -34,14 +34,14 @@ from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import digest_of_set
 from spacearm.singularities.joint_boxes import TURN, minors_for_proofs, range_allowed
 
+#: Cells that are tried at a time.
 BATCH = 4096
-"""Cells that are tried at a time."""
+#: Share of the volume that is covered by default, and the largest number of cells.
 SHARE, MOST = 0.99, 1_000_000
-"""Share of the volume that is covered by default, and the largest number of cells."""
+#: Gap up to which two boxes share a face [rad, m].
 TOUCHING = 1e-12
-"""Gap up to which two boxes share a face [rad, m]."""
+#: Connected parts that are described.
 MOST_PARTS = 10
-"""Connected parts that are described."""
 
 Integers = npt.NDArray[np.int64]
 

@@ -34,11 +34,11 @@ from spacearm.singularities.abstract_set import Component, SingularSet, prove_fr
 from spacearm.singularities.nearest import AT_A_ROOT
 from spacearm.singularities.polynomials import distances, radius_squared
 
+#: Values of a joint that S does not depend on, from which extremes of R are searched.
 TURNS = 96
-"""Values of a joint that S does not depend on, from which extremes of R are searched."""
+#: Number of points from which each is then searched, the best ones so far apart [rad]; on curves,
+#: whose points lie close together, one does.
 STARTS, APART = 4, 0.5
-"""Number of points from which each is then searched, the best ones so far apart [rad]; on curves,
-whose points lie close together, one does."""
 
 
 def component(arm: SpaceArm, mode: BaseMode, S: TrigPolynomial, points: Array) -> Component:
@@ -70,10 +70,10 @@ def _best(F: TrigPolynomial, S: TrigPolynomial, starts: Array, sign: float, coun
     return best
 
 
+#: Lines without any root after which a set counts as empty.
 MOST_LINES = 1 << 17
-"""Lines without any root after which a set counts as empty."""
+#: Share of the scale below which a polynomial vanishes at a root of another.
 VANISHES = 1e-9
-"""Share of the scale below which a polynomial vanishes at a root of another."""
 
 
 @checked

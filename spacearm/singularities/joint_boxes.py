@@ -36,21 +36,21 @@ from spacearm.singularities.immaterial_masses import payload_note
 from spacearm.singularities.nearest import NearestSearch
 from spacearm.singularities.polynomials import chart_of, proving_minors
 
+#: How far before a singular configuration a side stops, as a share of the width of its joint, which
+#: counts as no less than so much.
 SHARE, LEAST_WIDTH = 0.004, 0.02
-"""How far before a singular configuration a side stops, as a share of the width of its joint, which
-counts as no less than so much."""
+#: Cells, and random configurations, that are looked at together.
 BATCH = 512
-"""Cells, and random configurations, that are looked at together."""
+#: Clouds of configurations about a singular one, each half as wide, among which nearer ones are
+#: looked for.
 POLISHED = 14
-"""Clouds of configurations about a singular one, each half as wide, among which nearer ones are
-looked for."""
+#: Starts of a search for singular configurations of several minors; searches in a slab, beside the
+#: first; steps of each.
 FEW, DESCENTS, DESCENT = 64, 6, 12
-"""Starts of a search for singular configurations of several minors; searches in a slab, beside the
-first; steps of each."""
+#: Distance to first order up to which such a search has arrived.
 ON_THE_SET = 1e-9
-"""Distance to first order up to which such a search has arrived."""
+#: Half width of cells that are not halved.
 NARROW = 1e-7
-"""Half width of cells that are not halved."""
 TURN = 2.0 * np.pi
 
 Side = Literal["lower", "upper"]

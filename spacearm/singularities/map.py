@@ -19,8 +19,8 @@ from spacearm.signatures import checked
 from spacearm.singularities.polynomials import chart_of
 from spacearm.singularities.sets import singular_set
 
+#: Postures, and points on a line through each, by which the joints of a map are chosen.
 LINES, ON_LINE = 16, 32
-"""Postures, and points on a line through each, by which the joints of a map are chosen."""
 
 
 class SingularMap(Result):

@@ -36,54 +36,54 @@ from spacearm.singularities.immaterial_masses import payload_note
 
 Booleans = npt.NDArray[np.bool_]
 
+#: Share of the distance found up to which it is proven that none is nearer, by one minor and by
+#: several or along a way; in up to three joints that matter all but so much [rad].
 SHARE, SHARE_OF_SEVERAL, GAP = 0.99, 0.9, 1e-4
-"""Share of the distance found up to which it is proven that none is nearer, by one minor and by
-several or along a way; in up to three joints that matter all but so much [rad]."""
+#: How far a chord that stands for several pieces of a way may be from it: share of the distance
+#: that need not be proven.
 CHORD = 0.2
-"""How far a chord that stands for several pieces of a way may be from it: share of the distance
-that need not be proven."""
+#: Between places on a way at which it is estimated how near the set is [rad], and their largest
+#: number; the largest number from which the nearest configuration is looked for, and how far apart
+#: they are [rad].
 ABREAST, LOOKED_AT, LOOKED_FROM, ALONG = 0.1, 400, 6, 0.3
-"""Between places on a way at which it is estimated how near the set is [rad], and their largest
-number; the largest number from which the nearest configuration is looked for, and how far apart
-they are [rad]."""
+#: Boxes that such a proof may take, and how many coefficients are summed up in them.
 MOST_BOXES, MOST_TERMS = 20_000, 1.2e9
-"""Boxes that such a proof may take, and how many coefficients are summed up in them."""
+#: Share of a distance by which another one is nearer.
 NEARER = 1e-6
-"""Share of a distance by which another one is nearer."""
+#: Starts within reach of the configuration, and within that of the best found so far.
 STARTS = 128, 96
-"""Starts within reach of the configuration, and within that of the best found so far."""
+#: That reach [rad]; the share of the best distance in which others are looked for.
 REACH, BEYOND = 2.0, 1.2
-"""That reach [rad]; the share of the best distance in which others are looked for."""
+#: Steps of each descent.
 STEPS = 8
-"""Steps of each descent."""
+#: What a radian from the set counts. Less leads into valleys of sigma_min that seem to reach it.
 WEIGHT = 20.0
-"""What a radian from the set counts. Less leads into valleys of sigma_min that seem to reach it."""
+#: Steps onto the set from the ends, and after each move along it.
 LANDING, BACK = 10, 4
-"""Steps onto the set from the ends, and after each move along it."""
+#: Ends that are moved along the set, as long as they lie apart.
 ENDS = 12
-"""Ends that are moved along the set, as long as they lie apart."""
+#: Ends nearer to each other than this are one [rad].
 APART = 0.05
-"""Ends nearer to each other than this are one [rad]."""
+#: Steps along the set; after how many only the nearest are moved further, and how many.
 SETTLING, PRUNED_AFTER, PRUNED = 20, 3, 5
-"""Steps along the set; after how many only the nearest are moved further, and how many."""
+#: Shares of the way to T(x) that are tried where Newton's method comes no nearer.
 SHARES = np.array([1.0, 0.3, 0.1, 0.03, 0.01, 0.003])
-"""Shares of the way to T(x) that are tried where Newton's method comes no nearer."""
+#: Longest step, and that of the differences [rad].
 STRIDE, NUDGE = 0.5, 1e-5
-"""Longest step, and that of the differences [rad]."""
+#: So near to T(x) Newton's method is tried alone first [rad].
 NEARBY = 0.02
-"""So near to T(x) Newton's method is tried alone first [rad]."""
+#: Steps onto the set that are no longer end the way there: the next would be of the order of their
+#: square [rad].
 LANDED = 1e-9
-"""Steps onto the set that are no longer end the way there: the next would be of the order of their
-square [rad]."""
+#: Way between the rows of a motion that are searched [rad], most of them, and how often the points
+#: that are found from one row are tried from the others.
 SPACING, MOST_SEARCHED, PASSES = float(np.radians(10.0)), 64, 6
-"""Way between the rows of a motion that are searched [rad], most of them, and how often the points
-that are found from one row are tried from the others."""
+#: Configurations that the set is linearised at until an offset has settled, about.
 LINEARISED = 100
-"""Configurations that the set is linearised at until an offset has settled, about."""
+#: Distance of the set from singular configurations, and where it is nowhere in sight [rad].
 THERE, FAR = 1e-8, 10.0
-"""Distance of the set from singular configurations, and where it is nowhere in sight [rad]."""
+#: Offsets that come nearer by less than this are at rest [rad].
 RESTING = 1e-13
-"""Offsets that come nearer by less than this are at rest [rad]."""
 
 
 class NearestSingular(Result):
@@ -507,15 +507,15 @@ def _apart(X: Array, merit: Array, most: int) -> Array:
     return np.array(chosen).reshape(-1, X.shape[1])
 
 
+#: A matrix has lost rank if its least singular value is below this share of the largest norm of it
+#: met during the iteration.
 LOST = 1e-10
-"""A matrix has lost rank if its least singular value is below this share of the largest norm of it
-met during the iteration."""
+#: sigma_min over sigma_max below which a root of the minors is a singular configuration.
 AT_A_ROOT = 1e-8
-"""sigma_min over sigma_max below which a root of the minors is a singular configuration."""
+#: Largest number of Gauss-Newton steps.
 RANK_STEPS = 60
-"""Largest number of Gauss-Newton steps."""
+#: Longest step [rad, m].
 RANK_STRIDE = 0.3
-"""Longest step [rad, m]."""
 
 
 def lose_rank(

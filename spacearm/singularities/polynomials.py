@@ -44,15 +44,15 @@ from spacearm.singularities.nearest import is_singular, lose_rank
 
 Indices = npt.NDArray[np.int_]
 
+#: Share of the arm's size below which distances are zero.
 ROUNDING = 1e-14
-"""Share of the arm's size below which distances are zero."""
+#: Share of the product of the lengths of its columns below which a determinant is zero.
 ROUNDING_OF_MINORS = 1e-13
-"""Share of the product of the lengths of its columns below which a determinant is zero."""
+#: Why arms with such joints have no singularity polynomial.
 MIMIC = (
     "joints that mimic others make S a polynomial of multiples of the angles; lock their leaders "
     "with locked={...}"
 )
-"""Why arms with such joints have no singularity polynomial."""
 
 
 @checked
@@ -251,28 +251,28 @@ def to_square(arm: SpaceArm) -> str:
     return f"lock {n - arm.task.k} joint(s), for instance {lock}{longer}"
 
 
+#: A sliding joint without limits is covered this far to both sides of zero [m].
 ANYWHERE = 1.0
-"""A sliding joint without limits is covered this far to both sides of zero [m]."""
+#: Random configurations at which minors that vanish everywhere are told from others.
 PROBES = 256
-"""Random configurations at which minors that vanish everywhere are told from others."""
+#: Highest degree looked for in one joint.
 HIGHEST = 12
-"""Highest degree looked for in one joint."""
+#: Share of the largest minor below which one vanishes everywhere.
 ABSENT = 1e-11
-"""Share of the largest minor below which one vanishes everywhere."""
+#: Largest number of maximal minors.
 MOST_MINORS = 500
-"""Largest number of maximal minors."""
+#: Largest number of coefficients of minors that are used together.
 MOST_COEFFICIENTS = 1_000_000
-"""Largest number of coefficients of minors that are used together."""
+#: The same of two, the fewest that tell a path across the roots of one from a singular one.
 MOST_OF_TWO = 4_000_000
-"""The same of two, the fewest that tell a path across the roots of one from a singular one."""
+#: The same of several tips, for a proof that nobody has asked for by itself.
 MOST_OF_SEVERAL_TIPS = 20_000
-"""The same of several tips, for a proof that nobody has asked for by itself."""
+#: Number of choices of the columns B that are tried.
 BASES = 3
-"""Number of choices of the columns B that are tried."""
+#: Singular configurations found otherwise, which the triangle must give.
 SEARCHES = 8
-"""Singular configurations found otherwise, which the triangle must give."""
+#: Share of the scale below which a polynomial vanishes along a line.
 VANISHES = 1e-8
-"""Share of the scale below which a polynomial vanishes along a line."""
 
 Columns = tuple[int, ...]
 

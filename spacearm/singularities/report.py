@@ -35,22 +35,22 @@ from spacearm.singularities.sets import nearest_on_way
 
 Kind = Literal["regular", "kinematic", "dynamic"]
 
+#: Share of the largest singular value below which J* cannot be inverted to continue a motion.
 NO_INVERSE = 1e-9
-"""Share of the largest singular value below which J* cannot be inverted to continue a motion."""
+#: Default distance to the singular set up to which a configuration is singular [rad].
+#:
+#: It recognises a singular configuration given in hundredths of a degree, as in figure 3 of the
+#: paper.
 TOLERANCE = 1e-4
-"""Default distance to the singular set up to which a configuration is singular [rad].
-
-It recognises a singular configuration given in hundredths of a degree, as in figure 3 of the paper.
-"""
+#: What the distance is, in one sentence, for the command line, the page and plots.
 IN_WORDS = (
     "Distance to the singular set: how far the joints must turn at least, taken together (root of "
     "the sum of squares), until the tip can no longer move in some direction."
 )
-"""What the distance is, in one sentence, for the command line, the page and plots."""
+#: Distances beyond this are called far: to first order they tell no more [rad].
 FAR = np.pi / 2.0
-"""Distances beyond this are called far: to first order they tell no more [rad]."""
+#: Joints with less than this share of the way out are not named in it.
 LED = 0.2
-"""Joints with less than this share of the way out are not named in it."""
 TONES: Mapping[Kind, Tone] = {"regular": "good", "kinematic": "caution", "dynamic": "bad"}
 
 

@@ -23,10 +23,10 @@ from spacearm.model.arm import SpaceArm
 from spacearm.results import Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
 
+#: Default distance to the singular set up to which a configuration is near a singularity [rad].
 NEAR = float(np.radians(5.0))
-"""Default distance to the singular set up to which a configuration is near a singularity [rad]."""
+#: Number of configurations drawn at once.
 BLOCK = 1_000_000
-"""Number of configurations drawn at once."""
 
 
 class RiskProfile(Result):

@@ -42,8 +42,8 @@ from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.results import Cell, Column, Description, Result, Table
 from spacearm.signatures import checked
 
+#: Relative error of a term for each joint, movable or fixed, that it is carried across.
 ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
-"""Relative error of a term for each joint, movable or fixed, that it is carried across."""
 
 
 class ErrorBars(Result):

@@ -35,8 +35,8 @@ from spacearm.singularities.polynomials import (
     to_square,
 )
 
+#: Starts after which a search ends, and how many more each one found is worth.
 FRUITLESS, EACH = 100, 20
-"""Starts after which a search ends, and how many more each one found is worth."""
 
 
 @checked
@@ -55,8 +55,8 @@ class FoundSet(SingularSet):
         mode: What the spacecraft does.
     """
 
+    #: Other singular configurations may exist beside those found.
     complete = False
-    """Other singular configurations may exist beside those found."""
 
     def _unsupported(self, *_: object, **__: object) -> NoReturn:
         """Raise UnsupportedError: the set is not known as a whole, and why."""

@@ -25,14 +25,14 @@ from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.singularities.polynomials import radius_squared, singularity_polynomial
 from spacearm.singularities.rounding import proven_sign
 
+#: Largest number of joints whose space is divided, and of boxes at a time.
 MOST_JOINTS, MOST_BOXES = 3, 20_000
-"""Largest number of joints whose space is divided, and of boxes at a time."""
+#: Turn out of the plane of the arm that counts as none [rad].
 TILTED = 1e-9
-"""Turn out of the plane of the arm that counts as none [rad]."""
 SIGNS = {1: "positive", -1: "negative"}
 
+#: Functions of the joint angles, and the value that each has at a goal.
 Levels: TypeAlias = list[tuple[TrigPolynomial, float]]
-"""Functions of the joint angles, and the value that each has at a goal."""
 
 
 def parted(start: Configuration, goal: Configuration) -> str:

@@ -35,16 +35,16 @@ from spacearm.workspaces.design import shell_measures
 from spacearm.workspaces.path_dependent import EFFORT
 from spacearm.workspaces.shells import check_shells
 
+#: Configurations in memory at a time, however large the chunk.
 PART = 2**16
-"""Configurations in memory at a time, however large the chunk."""
+#: Shells that there is room for in each design.
 MOST_SHELLS = 16
-"""Shells that there is room for in each design."""
+#: Runs of a chunk at most: some seconds of work.
 RUNS = 256
-"""Runs of a chunk at most: some seconds of work."""
 
 Shape = tuple[int, ...]
+#: A part of a grid: one slice along each axis.
 Box = tuple[slice, ...]
-"""A part of a grid: one slice along each axis."""
 
 
 def tile(shape: Sequence[int], most: int) -> Shape:
@@ -293,8 +293,8 @@ VARIABLES = {
 }
 
 
+#: Standard deviations of the starts: joint positions, joint rates, a turn about each axis.
 SPREADS = ("spread", "rate_spread", "attitude_spread")
-"""Standard deviations of the starts: joint positions, joint rates, a turn about each axis."""
 
 
 class Simulations(Quantity):
@@ -359,6 +359,7 @@ class Simulations(Quantity):
         return kept | {"least_distance": found["distance"].values, "failed": failed}
 
 
+#: The quantities by the names of their tables in a study.
 QUANTITIES: dict[str, type[Quantity]] = {
     "shells": Shells,
     "risk": Risk,
@@ -366,7 +367,6 @@ QUANTITIES: dict[str, type[Quantity]] = {
     "distance": JointMap,
     "sigma_min": JointMap,
 }
-"""The quantities by the names of their tables in a study."""
 
 
 def read(table: Table, arms: Sequence[SpaceArm], seed: int, chunk: int) -> dict[str, Quantity]:

@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from distributed import Client
 
 
+#: Number of times a chunk is tried.
 ATTEMPTS = 3
-"""Number of times a chunk is tried."""
+#: Time to wait for a chunk before asking whether the cluster is there [s].
 PATIENCE = 5.0
-"""Time to wait for a chunk before asking whether the cluster is there [s]."""
+#: Characters of an error that are recorded.
 SHOWN = 200
-"""Characters of an error that are recorded."""
 
 
 class Tally(NamedTuple):

@@ -37,17 +37,17 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DONE, FAILED = "done", "failed"
+#: Errors of Zarr for a file with a wrong checksum, or with an impossible length of text.
 DAMAGED = (ValueError, MemoryError)
-"""Errors of Zarr for a file with a wrong checksum, or with an impossible length of text."""
+#: Group of the marks, an array for each quantity.
 MARKS = "chunks"
-"""Group of the marks, an array for each quantity."""
+#: Characters of a line that a message shows.
 SHOWN = 200
-"""Characters of a line that a message shows."""
+#: What must agree in the description of an array.
 LAYOUT = (
     "node_type", "shape", "data_type", "chunk_grid", "chunk_key_encoding", "codecs", "fill_value",
     "dimension_names",
 )  # fmt: skip
-"""What must agree in the description of an array."""
 
 
 class Store:

@@ -13,10 +13,10 @@ from typing import Any
 
 from zarr.storage import LocalStore
 
+#: Names of the files that Zarr and `spacearm.files` write before they rename them.
 PARTIAL = re.compile(r"(.*\.)?[0-9a-f]{32}\.partial")
-"""Names of the files that Zarr and `spacearm.files` write before they rename them."""
+#: The first bytes of what Zstandard has packed: RFC 8878, section 3.1.1.
 ZSTD = b"\x28\xb5\x2f\xfd"
-"""The first bytes of what Zstandard has packed: RFC 8878, section 3.1.1."""
 
 
 class Files(LocalStore):

@@ -30,16 +30,16 @@ from spacearm.sweeps.quantities import Box, Quantity, Shape, box_of, counts
 from spacearm.sweeps.toml import Table, parse, text_of
 from spacearm.workspaces.design import unit_of, vary
 
+#: Configurations in a chunk, if the study does not say.
 CHUNK = 2**22
-"""Configurations in a chunk, if the study does not say."""
+#: Designs that a process keeps in memory.
 KEPT = 16
-"""Designs that a process keeps in memory."""
+#: Chunks of a study: each is one file or more.
 MOST_CHUNKS = 10**8
-"""Chunks of a study: each is one file or more."""
+#: Keys of an arm that say how its file is read, as in `load`.
 READING = ("packages", "xacro_args", "density")
-"""Keys of an arm that say how its file is read, as in `load`."""
+#: Pattern of the names that an array of a store may have.
 NAME = re.compile(r"[^./][^/]{0,99}")
-"""Pattern of the names that an array of a store may have."""
 
 
 class Chunk(NamedTuple):

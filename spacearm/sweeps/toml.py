@@ -23,18 +23,18 @@ from spacearm.errors import (
 from spacearm.files import read
 
 T = TypeVar("T")
+#: Largest number of parts of a key, as in a.b.c.
 MOST_PARTS = 16
-"""Largest number of parts of a key, as in a.b.c."""
 LONG_KEY = re.compile(
     r"""(?<![\w"'-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){""" + f"{MOST_PARTS}}}"
 )
+#: Largest size of a file [bytes]: its tables may take hundreds of times as much memory.
 MOST_BYTES = 1_000_000
-"""Largest size of a file [bytes]: its tables may take hundreds of times as much memory."""
 AXIS = ("from", "to", "points")
+#: Largest whole number: of samples, for example.
 MOST = 10**15
-"""Largest whole number: of samples, for example."""
+#: Values that one axis may have: its labels are kept in memory.
 MOST_POINTS = 10**7
-"""Values that one axis may have: its labels are kept in memory."""
 
 
 class Table:

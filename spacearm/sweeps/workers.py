@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     from distributed import Client
 
 Outcome = Literal["kept", "computed"]
+#: Chunks that the scheduler holds at a time: enough for a thousand cores.
 WIDTH = 2000
-"""Chunks that the scheduler holds at a time: enough for a thousand cores."""
+#: Time that a scheduler may take to answer when it is first asked [s].
 PATIENCE = 5
-"""Time that a scheduler may take to answer when it is first asked [s]."""
+#: Time after which a scheduler that does not answer in the midst of work is lost [s].
 SILENCE = 60
-"""Time after which a scheduler that does not answer in the midst of work is lost [s]."""
+#: What Dask's transports raise for an address, or an answer, that is no scheduler's.
 NO_SCHEDULER = (
     OSError, ValueError, TypeError, RuntimeError, LookupError, EOFError, ImportError, MemoryError
 )  # fmt: skip
-"""What Dask's transports raise for an address, or an answer, that is no scheduler's."""
 
 
 def do(recipe: Recipe, path: str, chunk: Chunk) -> Outcome:

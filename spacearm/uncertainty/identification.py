@@ -38,19 +38,19 @@ from spacearm.results import Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
 from spacearm.uncertainty.intervals import UncertainArm, uncertain
 
+#: The ten parameters, in Pinocchio's order: mass, mass times CM, inertia about the tip's origin.
 NAMES = ("m", "m cx", "m cy", "m cz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-"""The ten parameters, in Pinocchio's order: mass, mass times CM, inertia about the tip's origin."""
 UNITS = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
+#: Directions known to this share of the body, or better, are excited.
 KNOWN = 0.2
-"""Directions known to this share of the body, or better, are excited."""
+#: Singular values below this share of the largest are rounding.
 ROUNDING = 1e-9
-"""Singular values below this share of the largest are rounding."""
+#: Most evaluations of the residuals with their derivatives.
 SWEEPS = 30
-"""Most evaluations of the residuals with their derivatives."""
+#: Radius of gyration of the ball that stands in where nothing is known, over the arm's length.
 BALL = 0.1
-"""Radius of gyration of the ball that stands in where nothing is known, over the arm's length."""
+#: Share of mass and inertia that those of the uncertain arm do not fall below.
 LEAST = 1e-2
-"""Share of mass and inertia that those of the uncertain arm do not fall below."""
 
 
 class Identified(Result, kw_only=True):

@@ -22,10 +22,10 @@ from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import immaterial_links
 
 KINDS = ("mass", "inertia", "com")
+#: Probability beyond each end of the interval of a distribution: three standard deviations.
 TAIL = 0.00135
-"""Probability beyond each end of the interval of a distribution: three standard deviations."""
+#: What is uncertain of a link, by kind; see `uncertain`.
 Spread: TypeAlias = Mapping[str, Any]
-"""What is uncertain of a link, by kind; see `uncertain`."""
 
 
 class Parameter(NamedTuple):

@@ -40,31 +40,31 @@ from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import SpaceArm
 from spacearm.uncertainty.intervals import UncertainArm
 
+#: Chebyshev nodes of a chord; an odd number, so that one is in the middle.
 NODES = 7
-"""Chebyshev nodes of a chord; an odd number, so that one is in the middle."""
+#: Largest degree of an element of M in a joint.
 DEGREE = 3
-"""Largest degree of an element of M in a joint."""
+#: Largest tau of the first chords.
 LONGEST = 2.0
-"""Largest tau of the first chords."""
+#: Share of the bound of M that covers the rounding of its elements and of what follows.
 ROUNDING = 1e-12
-"""Share of the bound of M that covers the rounding of its elements and of what follows."""
+#: Determinants of rows of length 1 above which their sign is sure.
 SURE = 1e-10
-"""Determinants of rows of length 1 above which their sign is sure."""
+#: Arms that a singular one is looked for by at first.
 DESCENT = 8
-"""Arms that a singular one is looked for by at first."""
+#: Steps towards Perron's vector of R, and what its elements are at least, of the largest.
 PERRON, LEAST = 12, 1e-3
-"""Steps towards Perron's vector of R, and what its elements are at least, of the largest."""
+#: Pieces that are looked at together, and in all; the same, times the arms that it takes.
 BATCH, MOST, MOST_ARMS = 32, 50_000, 2_000_000
-"""Pieces that are looked at together, and in all; the same, times the arms that it takes."""
 BISECTIONS = 60
+#: Pieces with no longer side are not halved: what is not proven there is as good as singular.
 NARROW = 1e-4
-"""Pieces with no longer side are not halved: what is not proven there is as good as singular."""
+#: Share of the largest moments below which others are combinations of those chosen.
 DEPENDENT = 1e-10
-"""Share of the largest moments below which others are combinations of those chosen."""
 
 Booleans = npt.NDArray[np.bool_]
+#: Where on the path, and the parameters (p,) of an arm.
 Place: TypeAlias = tuple[float, Array]
-"""Where on the path, and the parameters (p,) of an arm."""
 
 
 class Finding(NamedTuple):

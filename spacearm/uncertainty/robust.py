@@ -30,14 +30,14 @@ from spacearm.uncertainty.regularity import Finding, look
 from spacearm.workspaces.path_dependent import workspace
 from spacearm.workspaces.shells import merged, without
 
+#: Default number of random arms.
 SAMPLES = 200
-"""Default number of random arms."""
+#: Parameters up to which all corners of the box are tried, for distances and for shells.
 MOST_CORNERS, MOST_CORNERS_OF_SHELLS = 8, 5
-"""Parameters up to which all corners of the box are tried, for distances and for shells."""
+#: How often nearer ends of all parameters are looked for where not all corners are tried.
 ROUNDS = 3
-"""How often nearer ends of all parameters are looked for where not all corners are tried."""
+#: Clearances that are asked of plans, one after the other, until one is robust [deg].
 CLEARANCES = (0.1, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
-"""Clearances that are asked of plans, one after the other, until one is robust [deg]."""
 
 
 class DistanceRange(Result):

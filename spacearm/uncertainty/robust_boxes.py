@@ -37,10 +37,10 @@ from spacearm.singularities.polynomials import chart_of
 from spacearm.uncertainty.intervals import UncertainArm
 from spacearm.uncertainty.regularity import SURE, Momenta, determinants, strongly_regular
 
+#: Random configurations that tell the size of the rows of M.
 PROBES = 256
-"""Random configurations that tell the size of the rows of M."""
+#: Cells take more of these arms than of one.
 EFFORT = Effort(0.05, 60_000, 1_000)
-"""Cells take more of these arms than of one."""
 
 
 class Series(NamedTuple):

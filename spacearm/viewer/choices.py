@@ -23,8 +23,8 @@ from spacearm.viewer.readouts import source_of
 
 T = TypeVar("T", str, list[str], dict[str, object])
 
+#: How much the length of a quaternion may be off.
 ROUNDED = 1e-6
-"""How much the length of a quaternion may be off."""
 
 
 def number(value: object, what: str) -> float:
@@ -61,8 +61,8 @@ def placement(value: object, what: str) -> pin.SE3:
     return pin.XYZQUATToSE3(pose)
 
 
+#: Characters of a file's name that are kept.
 LONGEST_NAME = 60
-"""Characters of a file's name that are kept."""
 MOST_WARNINGS = 5
 
 

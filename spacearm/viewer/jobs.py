@@ -26,16 +26,16 @@ from spacearm.viewer.motions import some
 from spacearm.viewer.stage import Stage
 from spacearm.workspaces.path_dependent import workspace
 
+#: Time after which the search for a plan is given up [s].
 LONGEST = 60.0
-"""Time after which the search for a plan is given up [s]."""
+#: How far the process stands back: the page comes first.
 NICE = 5
-"""How far the process stands back: the page comes first."""
+#: Jobs that know nothing of spacecraft whose attitude is controlled.
 FLOATING = {"risk": "the risk is known", "attitudes": "feasible attitudes are known"}
-"""Jobs that know nothing of spacecraft whose attitude is controlled."""
+#: Largest number of corners that stand for the tip path of a motion.
 MOST_CORNERS = 60
-"""Largest number of corners that stand for the tip path of a motion."""
+#: What the page can have computed: layers, and joint ranges in which nothing is singular.
 COMPUTED = ("shells", "risk", "attitudes", "ranges")
-"""What the page can have computed: layers, and joint ranges in which nothing is singular."""
 WORDS = {
     "plan": "planning",
     "shells": "computing workspaces",

@@ -40,6 +40,7 @@ from spacearm.workspaces.path_dependent import Workspace
 HERE = pin.SE3.Identity()
 BLUE, VERMILION, TEAL, OLIVE = 0x0072B2, 0xD55E00, 0x009E73, 0x8A8A00
 PALE, STEEL, SLATE, NEEDLE = 0x8B949E, 0x8A8F98, 0x5F6B7A, 0x7F7F7F
+#: Layers, and their colours in the panel; red, green and blue are for axes alone.
 LAYERS = {
     "grid": "#8b949e",
     "bodies": "#8a8f98",
@@ -59,7 +60,6 @@ LAYERS = {
     "goal": "#7d8794",
     "comparison": "#3a7ca5",
 }
-"""Layers, and their colours in the panel; red, green and blue are for axes alone."""
 
 
 class Key(NamedTuple):
@@ -89,8 +89,8 @@ class Key(NamedTuple):
 
 # --- grid ---------------------------------------------------------------------------------------
 
+#: Number of squares along each side.
 SQUARES = 20
-"""Number of squares along each side."""
 
 
 class Grid(NamedTuple):
@@ -206,12 +206,12 @@ class TargetLayer:
         self._standing.set_property("visible", free)
 
 
+#: Parts of a wrench: name, heads of the arrow, and the components.
 PARTS = (("force", 1, slice(3)), ("torque", 2, slice(3, 6)))
-"""Parts of a wrench: name, heads of the arrow, and the components."""
+#: Length of the arrow of the largest load, as a share of the size of the system.
 LONGEST = 0.5
-"""Length of the arrow of the largest load, as a share of the size of the system."""
+#: Least half axis of a held body, as a share of that size: a point mass is seen too.
 LEAST = 0.03
-"""Least half axis of a held body, as a share of that size: a point mass is seen too."""
 
 
 class LoadLayer:
@@ -326,8 +326,8 @@ def ellipsoid(body: Inertial, least: float) -> Array:
 
 # --- workspaces and risk ------------------------------------------------------------------------
 
+#: Points around a circle, and from the pole of half a sphere to its edge.
 AROUND, DOWN = 96, 20
-"""Points around a circle, and from the pole of half a sphere to its edge."""
 
 
 def draw_workspace(node: meshcat.Visualizer, space: Workspace, view: Array) -> list[Key]:
@@ -401,17 +401,16 @@ def _circle(view: Array) -> tuple[Array, Array]:
 
 # --- attitudes ----------------------------------------------------------------------------------
 
+#: Radii of the ring, and of the sphere, as shares of the size of the system.
 INNER, OUTER = 0.42, 0.5
-"""Radii of the ring, and of the sphere, as shares of the size of the system."""
+#: Least radius of the sphere, and of the ring, in radii of gyration of the spacecraft.
+#:
+#: The corners of a cube are at 2.1 of them.
 OUTSIDE = 2.2
-"""Least radius of the sphere, and of the ring, in radii of gyration of the spacecraft.
-
-The corners of a cube are at 2.1 of them.
-"""
+#: Corners of a patch of the sphere.
 CORNERS = 10
-"""Corners of a patch of the sphere."""
+#: Largest angle of a piece of the ring [rad].
 FINEST = np.radians(2.0)
-"""Largest angle of a piece of the ring [rad]."""
 
 
 class AttitudeLayer:

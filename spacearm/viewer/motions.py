@@ -23,14 +23,14 @@ from spacearm.motion.motion import Motion, samples
 from spacearm.results import short_names
 from spacearm.servo.servo import Servo, ServoStep
 
+#: What the spacecraft may do while its joints move as they did, in words.
 WORDS: dict[BaseMode, str] = {
     "free-floating": "spacecraft floating",
     "attitude-controlled": "attitude held",
     "fixed": "spacecraft fixed",
 }
-"""What the spacecraft may do while its joints move as they did, in words."""
+#: Rows of a motion that is made for comparison; joints move straight between them.
 MOST_ROWS = 400
-"""Rows of a motion that is made for comparison; joints move straight between them."""
 
 
 class Comparison(NamedTuple):
@@ -92,10 +92,10 @@ def moved(cfg: Configuration, q: Array, mode: BaseMode) -> Configuration:
     return cfg.arm.at(q, base=cfg.base)
 
 
+#: Longest time of a step of a flight by hand, and of what one message flies [s].
 TICK, PAUSE = 0.02, 0.1
-"""Longest time of a step of a flight by hand, and of what one message flies [s]."""
+#: Largest joint rates [rad/s] and accelerations [rad/s^2] of a flight by hand, in radians.
 RATE, PUSH = 1.0, 4.0
-"""Largest joint rates [rad/s] and accelerations [rad/s^2] of a flight by hand, in radians."""
 
 
 class HandFlight:
@@ -152,8 +152,8 @@ def some(count: int, most: int) -> npt.NDArray[np.int64]:
     return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
 
 
+#: Largest number of samples of a curve; more than a screen shows.
 MOST_SAMPLES = 600
-"""Largest number of samples of a curve; more than a screen shows."""
 
 
 class Curves(NamedTuple):

@@ -33,12 +33,12 @@ HEADLESS = (
     "--disable-sync", "--disable-component-update", "--hide-scrollbars",
     "--virtual-time-budget=4000",
 )  # fmt: skip
+#: Longest time that a picture may take, and each further one of a motion [s].
 RENDERING, EACH = 120.0, 5.0
-"""Longest time that a picture may take, and each further one of a motion [s]."""
+#: How names of videos end, and the codec of each.
 VIDEOS = {".gif": "", ".mp4": "libx264", ".webm": "libvpx-vp9"}
-"""How names of videos end, and the codec of each."""
+#: Pictures of a motion that are made, and held in memory, at a time.
 AT_ONCE = 120
-"""Pictures of a motion that are made, and held in memory, at a time."""
 FRAME = re.compile(rb'class="frame" src="data:image/png;base64,([A-Za-z0-9+/=]+)"')
 
 
@@ -182,12 +182,12 @@ def embedded(scene: str, picture: bytes, name: str, invitation: str | None) -> s
     return re.sub(rf"\$({'|'.join(parts)})", lambda mark: parts[mark[1]], text)
 
 
+#: Direction to the light: right, up, towards the viewer.
 LIGHT = np.array([0.35, 0.55, 0.75]) / np.linalg.norm([0.35, 0.55, 0.75])
-"""Direction to the light: right, up, towards the viewer."""
+#: Brightness of what faces away from the light.
 DARKEST = 0.35
-"""Brightness of what faces away from the light."""
+#: Longest edge of a triangle, as a share of the largest body: small ones hide each other well.
 PIECE = 0.05
-"""Longest edge of a triangle, as a share of the largest body: small ones hide each other well."""
 
 
 def still(cfg: Configuration, shapes: Sequence[DrawnShape], view: Sequence[float]) -> bytes:

@@ -27,16 +27,16 @@ from spacearm.singularities.map import telling_joints
 from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport
 from spacearm.singularities.sets import singular_set
 
+#: Distance to the singular set below which a posture counts as near it [rad].
 NEAR = math.radians(5.0)
-"""Distance to the singular set below which a posture counts as near it [rad]."""
+#: Distance to the singular set from which on colours do not change [rad].
 FAR = math.radians(30.0)
-"""Distance to the singular set from which on colours do not change [rad]."""
+#: Direction to view a spatial arm from.
 VIEW = (0.55, -0.75, 0.5)
-"""Direction to view a spatial arm from."""
+#: Directions to view planar arms from: near the normal of their plane, x, y or z.
 PLANE_VIEWS = ((1.0, -0.2, 0.3), (0.2, -1.0, 0.3), (0.0, -0.35, 1.0))
-"""Directions to view planar arms from: near the normal of their plane, x, y or z."""
+#: Joint motions below this are not named [rad] or [m].
 STILL = math.radians(0.05)
-"""Joint motions below this are not named [rad] or [m]."""
 
 
 def about(arm: SpaceArm) -> dict[str, Any]:
@@ -202,12 +202,12 @@ def _contacts(cfg: Configuration) -> list[list[str]]:
     return [] if isinstance(found, str) else [list(pair) for pair in found.touching(cfg.q)]
 
 
+#: Grid points in each joint: what is computed and drawn well within 100 ms.
 POINTS = 61
-"""Grid points in each joint: what is computed and drawn well within 100 ms."""
+#: What can be told apart on the page [rad].
 RESOLUTION = np.radians(2.0)
-"""What can be told apart on the page [rad]."""
+#: Number that stands for `FAR`.
 SHARES = 100
-"""Number that stands for `FAR`."""
 
 
 def joint_map(

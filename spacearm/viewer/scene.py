@@ -29,10 +29,10 @@ BROWN, PURPLE, CYAN, AMBER, MAGENTA, PINK = (
 )  # fmt: skip
 SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
 
+#: Largest number of points of a drawn path.
 MOST_POINTS = 600
-"""Largest number of points of a drawn path."""
+#: Scale of the ellipsoid: the tip motion in this time at joint rates of 1 rad/s or 1 m/s.
 ELLIPSOID_SECONDS = 0.3
-"""Scale of the ellipsoid: the tip motion in this time at joint rates of 1 rad/s or 1 m/s."""
 
 
 class Scene:

@@ -46,17 +46,17 @@ def listen(port: int | None) -> socket.socket:
     raise SpaceArmError(f"{asked} of {LOOPBACK} is in use or not allowed; give another with port=")
 
 
+#: Size of the body of a request, and of a message of the page, which may bring a file [bytes].
 LARGEST_BODY, LARGEST_MESSAGE = 100_000, 2_000_000
-"""Size of the body of a request, and of a message of the page, which may bring a file [bytes]."""
+#: Time that a request may take to come in [s].
 SLOWEST = 30.0
-"""Time that a request may take to come in [s]."""
+#: Time for which messages are collected before the scene is drawn once for all of them [s].
 PAUSE = 0.001
-"""Time for which messages are collected before the scene is drawn once for all of them [s]."""
+#: Time for which a ticket is valid [s]: notebooks, where it stands, can be read by others.
 PATIENCE = 120.0
-"""Time for which a ticket is valid [s]: notebooks, where it stands, can be read by others."""
+#: Pages that may frame the page: those of this machine.
 FRAMED_BY = " ".join(f"{way}://{host}:*" for way in ("http", "https")
                      for host in (LOOPBACK, "localhost"))  # fmt: skip
-"""Pages that may frame the page: those of this machine."""
 
 
 class Panel(Protocol):

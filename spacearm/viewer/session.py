@@ -29,10 +29,10 @@ from spacearm.viewer.choices import Origin, number, numbers, placement
 from spacearm.viewer.motions import HandFlight, mode_named, moved
 
 MODES = ("posture", "free-floating")
+#: Largest reach of a slider from home [rad] or [m]: four turns, or 25 m.
 FARTHEST = 25.0
-"""Largest reach of a slider from home [rad] or [m]: four turns, or 25 m."""
+#: Longest joint motion on which the reaction of the spacecraft is integrated [rad] or [m].
 LONGEST = 4.0 * FARTHEST
-"""Longest joint motion on which the reaction of the spacecraft is integrated [rad] or [m]."""
 
 
 class Session:
@@ -298,18 +298,18 @@ class Session:
 # --- the tip pulled -----------------------------------------------------------------------------
 
 MOST_STEPS = 40
+#: Damping of the first step, over the largest singular value squared.
 START = 1e-4
-"""Damping of the first step, over the largest singular value squared."""
+#: Share of the largest singular value within which the tip counts as there [rad].
 CLOSE = 2e-3
-"""Share of the largest singular value within which the tip counts as there [rad]."""
+#: Largest joint motion of one step [rad] or [m].
 STRIDE = 0.3
-"""Largest joint motion of one step [rad] or [m]."""
+#: Damping, likewise, from which on no step helps.
 HOPELESS = 1e3
-"""Damping, likewise, from which on no step helps."""
+#: Share of the error that has to be left at most after a step that counts.
 LESS = 1.0 - 1e-6
-"""Share of the error that has to be left at most after a step that counts."""
+#: Joint motions by which a singular posture is left [rad] or [m].
 BENDS = (0.1, -0.1, 0.02, -0.02)
-"""Joint motions by which a singular posture is left [rad] or [m]."""
 
 
 def pulled(
@@ -394,11 +394,11 @@ def _reason(
 
 # --- the first posture --------------------------------------------------------------------------
 
+#: Distance to the singular set from which on a posture is good to begin with [rad].
 REGULAR = math.radians(10.0)
-"""Distance to the singular set from which on a posture is good to begin with [rad]."""
 TRIES = 40
+#: Largest joint positions tried, from zero or the limit nearest to it [rad] or [m].
 BENT = 1.0
-"""Largest joint positions tried, from zero or the limit nearest to it [rad] or [m]."""
 
 
 def opening_posture(arm: SpaceArm) -> Array:

@@ -28,12 +28,12 @@ from spacearm.description.shapes import (
 from spacearm.errors import ModelError, listed, warn
 from spacearm.model.arm import Configuration, SpaceArm
 
+#: Size of detail that is still drawn, as a share of the arm: about a pixel of a page.
 FINEST = 0.002
-"""Size of detail that is still drawn, as a share of the arm: about a pixel of a page."""
 GHOST, STEEL, VIOLET = 0x7D8794, 0x3A7CA5, 0x6A3D9A
 GREY = (0.75, 0.78, 0.82, 1.0)
+#: Vermilion, yellow, blue: told apart by colour-blind eyes too; the page has the same.
 SCALE = np.array([[0xD5, 0x5E, 0x00], [0xF0, 0xE4, 0x42], [0x00, 0x72, 0xB2]]) / 255.0
-"""Vermilion, yellow, blue: told apart by colour-blind eyes too; the page has the same."""
 SIDES = 6
 Y_TO_Z = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
 

@@ -177,6 +177,7 @@ def _has(*names: str) -> Callable[[Any], bool]:
     return lambda thing: all(hasattr(thing, name) for name in names)
 
 
+#: The first rule that holds for a thing shows it.
 RULES = (
     _Rule("a SpaceArm", _a(SpaceArm), _arm),
     _Rule("a Configuration", _a(Configuration), _viewer),
@@ -192,4 +193,3 @@ RULES = (
         lambda result: _viewer(result.configuration),
     ),
 )
-"""The first rule that holds for a thing shows it."""

@@ -28,17 +28,17 @@ from spacearm.viewer.shapes import GHOST, STEEL, VIOLET, Ghost, draw_axes
 from spacearm.viewer.window import Window
 from spacearm.workspaces.path_dependent import centre_of
 
+#: Largest number of frames of a motion in a page; each takes some kilobytes.
 MOST_FRAMES = 9000
-"""Largest number of frames of a motion in a page; each takes some kilobytes."""
+#: Largest number of maps that a saved page has of a motion.
 MOST_MAPS = 25
-"""Largest number of maps that a saved page has of a motion."""
+#: Largest number of postures along a motion that the page moves through by itself.
 MOST_POSES = 600
-"""Largest number of postures along a motion that the page moves through by itself."""
 FRAMES_PER_SECOND = 30
+#: Direction from which workspaces of spatial arms are cut open: the page's, but level.
 VIEW = np.array([0.55, -0.75, 0.0])
-"""Direction from which workspaces of spatial arms are cut open: the page's, but level."""
+#: Layers that belong to a motion.
 PLAYED = ("target", "wheels", "wrenches", "trace", "goal", "comparison")
-"""Layers that belong to a motion."""
 
 
 class Stage:

@@ -38,10 +38,10 @@ from spacearm.viewer.stage import Stage
 from spacearm.viewer.window import Window
 from spacearm.workspaces.path_dependent import Workspace
 
+#: Pictures a second that browsers show of a GIF at most.
 MOST_OF_GIF = 50.0
-"""Pictures a second that browsers show of a GIF at most."""
+#: Largest number of pictures of a motion.
 MOST_PICTURES = 3000
-"""Largest number of pictures of a motion."""
 
 
 class Viewer:

@@ -33,10 +33,10 @@ class Key(NamedTuple):
 
 
 M = TypeVar("M")
+#: Kind of the message that a node is gone, with all below it.
 DELETE = "delete"
-"""Kind of the message that a node is gone, with all below it."""
+#: Size from which drawing commands are no more sent together [bytes].
 BUNDLE = 50_000
-"""Size from which drawing commands are no more sent together [bytes]."""
 
 
 class Outbox:
@@ -83,17 +83,17 @@ def _without(messages: dict[Key, M], path: tuple[str, ...]) -> dict[Key, M]:
 
 
 PAGE = Path(__file__).parent / "page"
+#: What the page is built on, by the names that it asks for.
 LIBRARIES = {
     "meshcat.js": Path(VIEWER_ROOT) / "main.min.js",
     "uplot.js": PAGE / "uplot" / "uplot.js",
     "uplot.css": PAGE / "uplot" / "uplot.css",
 }
-"""What the page is built on, by the names that it asks for."""
+#: Modules of a saved page, each after those that it needs.
 SAVED = (
     "format.js", "scene.js", "ticks.js", "camera.js", "readouts.js", "playback.js", "chart.js",
     "archive.js", "map.js", "record.js", "touch.js", "saved.js",
 )  # fmt: skip
-"""Modules of a saved page, each after those that it needs."""
 
 
 class Window:

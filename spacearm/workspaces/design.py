@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["Mounted", "optimise_mount", "shell_measures", "vary", "workspaces"]
 
 MOUNTS = ("mount_x", "mount_y", "mount_z")
+#: Design parameters and their units.
 PARAMETERS = {
     "base_mass": "kg",
     "base_inertia": "times the inertia",
@@ -36,7 +37,6 @@ PARAMETERS = {
     "mass:LINK": "kg",
     "length:LINK": "m",
 }
-"""Design parameters and their units."""
 
 
 def unit_of(parameter: str) -> str:

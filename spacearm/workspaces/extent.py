@@ -60,15 +60,15 @@ class Box(NamedTuple):
         return (self.high + 1e-12 >= Q).all(axis=-1)
 
 
+#: Number of intervals of the angle to an axis, 0 to pi.
 ANGLES = 4096
-"""Number of intervals of the angle to an axis, 0 to pi."""
+#: Intervals around an axis; into how many those that may hold the maximum are divided, how
+#: often.
 AROUND, FINER, REFINED = 128, 8, 2
-"""Intervals around an axis; into how many those that may hold the maximum are divided, how
-often."""
+#: Sine of the angle of two axes below which they are parallel.
 PARALLEL = 1e-14
-"""Sine of the angle of two axes below which they are parallel."""
+#: Share of the length of all that is added below which values are the same.
 SAME = 1e-13
-"""Share of the length of all that is added below which values are the same."""
 
 
 def largest_distance(arm: SpaceArm, mode: BaseMode) -> float:
@@ -150,14 +150,14 @@ def _largest_around(own: Array, reaches: list[_Reach], length: float, rounding: 
     return most
 
 
+#: Share of the largest distance up to which a bound comes near to what is attained.
 NEAR = 1e-5
-"""Share of the largest distance up to which a bound comes near to what is attained."""
+#: Share of the length of the arm that rounding adds for each joint.
 ROUNDING = 1e-13
-"""Share of the length of the arm that rounding adds for each joint."""
+#: Largest number of boxes that wait.
 MOST = 1_000_000
-"""Largest number of boxes that wait."""
+#: So many boxes are halved at once, or that share of those that wait if it is more.
 AT_ONCE, SHARE = 512, 8
-"""So many boxes are halved at once, or that share of those that wait if it is more."""
 
 
 def least_distance(arm: SpaceArm, mode: BaseMode, box: Box, known: Array) -> float:

@@ -22,24 +22,24 @@ from spacearm.singularities.sets import singular_set
 from spacearm.workspaces.extent import Box
 from spacearm.workspaces.shells import merged
 
+#: Configurations from which the search for a point starts.
 SAMPLE = 20_000
-"""Configurations from which the search for a point starts."""
+#: Test points on a circle or sphere.
 DIRECTIONS = {2: 720, 3: 500}
-"""Test points on a circle or sphere."""
+#: Number of test points, those farthest from the sample, that are tried first.
 HARDEST = 24
-"""Number of test points, those farthest from the sample, that are tried first."""
+#: Starts for each point: the configurations with the nearest tips.
 NEIGHBOURS = 6
-"""Starts for each point: the configurations with the nearest tips."""
+#: Newton steps from each start.
 STEPS = 30
-"""Newton steps from each start."""
+#: Longest Newton step [rad].
 STRIDE = 0.3
-"""Longest Newton step [rad]."""
+#: Largest miss of a reached point, as a share of the largest distance.
 REACHED = 1e-9
-"""Largest miss of a reached point, as a share of the largest distance."""
+#: Number of radii tried where no critical radii are known.
 SCAN = 48
-"""Number of radii tried where no critical radii are known."""
+#: Accuracy of the bounds between them, as a share of the largest radius.
 SHARPNESS = 1e-4
-"""Accuracy of the bounds between them, as a share of the largest radius."""
 
 
 def free_workspace(arm: SpaceArm, mode: BaseMode, limits: bool, reachable: Array) -> Array:

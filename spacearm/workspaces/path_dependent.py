@@ -43,12 +43,12 @@ from spacearm.workspaces.shells import (
     without,
 )
 
+#: Cosine between the normal of a planar arm and the inertial axis from which it stands in plane.
 UPRIGHT = 1.0 - 1e-9
-"""Cosine between the normal of a planar arm and the inertial axis from which it stands in plane."""
+#: Singular configurations sampled in the search for one at a given distance.
 SAMPLE = 20_000
-"""Singular configurations sampled in the search for one at a given distance."""
+#: Number of them, nearest to that distance, from which Newton's method starts.
 BEST = 20
-"""Number of them, nearest to that distance, from which Newton's method starts."""
 
 
 class Region(Result):
@@ -173,15 +173,15 @@ def _brought_to(arm: SpaceArm, q: Array, point: Array, mode: BaseMode) -> Config
     return arm.at(q, base=pin.SE3(R, -R @ centre))
 
 
+#: Number of joints up to which branch and bound proves the bounds.
 MOST_CERTIFIED = 3
-"""Number of joints up to which branch and bound proves the bounds."""
+#: Default number of singular configurations from which shells of larger arms are searched.
 EFFORT = 200_000
-"""Default number of singular configurations from which shells of larger arms are searched."""
 
+#: Share of the work that searches for bounds are, where curves are proven besides.
 SEARCHES = 0.2
-"""Share of the work that searches for bounds are, where curves are proven besides."""
+#: Share of the largest distance up to which a gap counts as certified.
 SMALL = 1e-4
-"""Share of the largest distance up to which a gap counts as certified."""
 Kind = Literal["certified", "found", "stopped"]
 
 

@@ -38,21 +38,21 @@ from spacearm.singularities.polynomials import distances, minors_of, radius_squa
 from spacearm.workspaces.extent import Box, least_distance
 from spacearm.workspaces.shells import Shell, members, merged, without
 
+#: Condition of df/dy above which no proof is tried.
 ILL = 1e10
-"""Condition of df/dy above which no proof is tried."""
+#: Largest |1 - A df/dy|; rho is at least twice |A f|.
 CONTRACTS = 0.49
-"""Largest |1 - A df/dy|; rho is at least twice |A f|."""
+#: Distance from a limit below which a joint is not solved for [rad].
 AT_LIMIT = 1e-7
-"""Distance from a limit below which a joint is not solved for [rad]."""
+#: Segments shorter than this are not halved [rad].
 SHORTEST = 1e-5
-"""Segments shorter than this are not halved [rad]."""
+#: Largest number of segments of a chain.
 MOST = 20_000
-"""Largest number of segments of a chain."""
+#: Newton steps by which the middle of a segment is moved to a root.
 POLISH = 20
-"""Newton steps by which the middle of a segment is moved to a root."""
 
+#: Values below which they end: less than rounding.
 CONVERGED = 1e-14
-"""Values below which they end: less than rounding."""
 
 Booleans = npt.NDArray[np.bool_]
 
@@ -195,27 +195,27 @@ def _pivots(slopes: Array) -> npt.NDArray[np.intp]:
     return np.stack(chosen, axis=1)
 
 
+#: Width of distances that is not worth a walk [m]; of sets of more than two dimensions as
+#: a share of the largest distance.
 TOLERANCE, NARROW = 1e-9, 2e-7
-"""Width of distances that is not worth a walk [m]; of sets of more than two dimensions as
-a share of the largest distance."""
+#: Size of the sample from which walks begin.
 SAMPLE = 4000
-"""Size of the sample from which walks begin."""
+#: Length of the first step of a walk, and below which it ends [rad].
 STRIDE, LEAST_STRIDE = 0.05, 1e-4
-"""Length of the first step of a walk, and below which it ends [rad]."""
+#: Largest number of steps of a walk.
 MOST_STEPS = 1000
-"""Largest number of steps of a walk."""
+#: Values of polynomials of scale 1 at a point of their roots.
 ON_SET = 1e-11
-"""Values of polynomials of scale 1 at a point of their roots."""
+#: Share of the steepest slope of R^2 below which a walk begins in any direction.
 LEVEL = 1e-7
-"""Share of the steepest slope of R^2 below which a walk begins in any direction."""
+#: Distance from a limit below which a joint stands on it [rad].
 ON_LIMIT = 1e-9
-"""Distance from a limit below which a joint stands on it [rad]."""
+#: How far from an end walks begin instead [rad], and in how many directions that is tried.
 BESIDE, DIRECTIONS = (0.1, 0.03, 0.01, 0.003), 64
-"""How far from an end walks begin instead [rad], and in how many directions that is tried."""
+#: How much more may be missing before walks begin from a sample.
 COARSER = 20.0
-"""How much more may be missing before walks begin from a sample."""
+#: A walk is in vain if more than this share of what was missing still is; how often it may be.
 ENOUGH, IN_VAIN = 0.9, 3
-"""A walk is in vain if more than this share of what was missing still is; how often it may be."""
 
 
 class Proven(NamedTuple):

@@ -26,25 +26,25 @@ from spacearm.singularities.polynomials import check_square, distances, radius_s
 from spacearm.singularities.sets import singular_set
 from spacearm.workspaces.extent import Box
 
+#: Number of best configurations of a sample from which each bound is searched.
 STARTS = 12
-"""Number of best configurations of a sample from which each bound is searched."""
+#: Distance from the end of the range of R below which a bound is that end [m].
 AT_AN_END = 1e-9
-"""Distance from the end of the range of R below which a bound is that end [m]."""
+#: Accuracy of proven bounds [m].
 TOLERANCE = 1e-9
-"""Accuracy of proven bounds [m]."""
+#: Largest number of missing shells that a proof may find.
 MOST_ADDED = 20
-"""Largest number of missing shells that a proof may find."""
+#: Values of the joints that S does not depend on, tried with an isolated root.
 SPREAD = 400
-"""Values of the joints that S does not depend on, tried with an isolated root."""
 
+#: Share of the range of R, empty of a large sample, that separates two shells.
 GAP_SHARE = 1 / 300
-"""Share of the range of R, empty of a large sample, that separates two shells."""
+#: Share of the scale of S below which an end of the reachable workspace is singular.
 SINGULAR_END = 1e-7
-"""Share of the scale of S below which an end of the reachable workspace is singular."""
+#: Lines that are drawn at a time.
 BATCH = 4096
-"""Lines that are drawn at a time."""
+#: Distance by which a piece may stand out of a shell that counts as holding it [m].
 NEGLIGIBLE = 1e-9
-"""Distance by which a piece may stand out of a shell that counts as holding it [m]."""
 
 SO = "without a singularity polynomial there are no shells, but sa.risk_profile takes every arm"
 

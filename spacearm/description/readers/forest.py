@@ -17,12 +17,12 @@ from spacearm.description.shapes import Visuals
 from spacearm.description.tree import Loop, Tree, free_name
 from spacearm.errors import listed, unknown
 
+#: Mass and inertia of links between slides and hinges of a base, over the largest of all links, up
+#: to which they are there because a format allows no links without mass.
 NEGLIGIBLE = 1e-5
-"""Mass and inertia of links between slides and hinges of a base, over the largest of all links, up
-to which they are there because a format allows no links without mass."""
 HERE = pin.SE3.Identity()
+#: Distance [m] and turn [rad] up to which two frames are one.
 SAME_FRAME = 1e-15
-"""Distance [m] and turn [rad] up to which two frames are one."""
 
 
 class Forest:

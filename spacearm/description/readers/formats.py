@@ -18,8 +18,8 @@ from spacearm.description.srdf import with_home
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError
 
+#: What describes a robot: the path of a file, or a model of Pinocchio.
 RobotSource: TypeAlias = str | os.PathLike[str] | PinocchioModel
-"""What describes a robot: the path of a file, or a model of Pinocchio."""
 
 
 def read(robot: RobotSource, reading: Reading | None = None) -> Tree:

@@ -24,10 +24,10 @@ from spacearm.description.readers.source import Source
 from spacearm.description.tree import Tree, coupling
 from spacearm.errors import ModelError, listed
 
+#: Eigenvalue of the scaled joint inertia up to which some motion moves no mass.
 SINGULAR = 1e-10
-"""Eigenvalue of the scaled joint inertia up to which some motion moves no mass."""
+#: Mass of a spacecraft, as a share of what moves on it, up to which it looks like a foot.
 LIGHT = 0.2
-"""Mass of a spacecraft, as a share of what moves on it, up to which it looks like a foot."""
 ACCEPT = 'correct it, or load with check="warn" to accept it'
 
 
@@ -299,8 +299,8 @@ def _of_primitive(shape: coal.ShapeBase) -> pin.Inertia:
     return pin.Inertia(float(shape.computeVolume()), np.zeros(3), moments)
 
 
+#: Share of the size of a robot by which centres of mass may lie out of one plane.
 SAME_HEIGHT = 1e-6
-"""Share of the size of a robot by which centres of mass may lie out of one plane."""
 
 
 def with_flat_bodies(source: Source, tree: Tree) -> Tree:
@@ -356,12 +356,12 @@ def _level(tree: Tree, axis: int) -> bool:
     return float(np.ptp(points[:, axis])) <= SAME_HEIGHT * max(size, 1.0)
 
 
+#: How many times as long as the robot a radius of gyration may be.
 FAR = 10.0
-"""How many times as long as the robot a radius of gyration may be."""
+#: How many times as long as the robot what is drawn or collides may be: panels may be wide.
 FAR_DRAWN = 30.0
-"""How many times as long as the robot what is drawn or collides may be: panels may be wide."""
+#: Length [m] that a robot is taken to have at least, where its joints are close together.
 LEAST_SIZE = 1.0
-"""Length [m] that a robot is taken to have at least, where its joints are close together."""
 
 
 def implausible(tree: Tree, estimated: Mapping[str, Inertial]) -> list[str]:

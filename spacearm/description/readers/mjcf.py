@@ -32,8 +32,8 @@ from spacearm.errors import ModelError
 if TYPE_CHECKING:
     import mujoco
 
+#: Share by which rounding may move the compiled inertia from the given one (MuJoCo 3: 1e-6).
 SAME_INERTIA = 1e-5
-"""Share by which rounding may move the compiled inertia from the given one (MuJoCo 3: 1e-6)."""
 
 
 def read(source: Source, root: etree._Element) -> Tree:
@@ -278,14 +278,14 @@ def _couplings(source: Source, spec: mujoco.MjSpec) -> dict[str, tuple[str, floa
     return found
 
 
+#: What MuJoCo calls a model that has no name.
 UNNAMED_MODEL = "MuJoCo Model"
-"""What MuJoCo calls a model that has no name."""
 AXIS = re.compile(r"(.+)[:_.-][xyz]", re.IGNORECASE)
+#: What a free-floating arm does not have; it is named if the file has it.
 LEFT_OUT = ("actuators", "tendons", "equalities", "sensors", "skins", "flexes", "plugins")
-"""What a free-floating arm does not have; it is named if the file has it."""
+#: What it does not have either, and nobody misses.
 UNNAMED = ("keys", "pairs", "excludes", "tuples", "numerics", "texts", "textures", "hfields",
            "lights")  # fmt: skip
-"""What it does not have either, and nobody misses."""
 
 
 def _leave_out(source: Source, spec: mujoco.MjSpec) -> None:
@@ -324,10 +324,10 @@ def _names(given: list[str], kind: str) -> list[str]:
     return names
 
 
+#: MuJoCo draws the geoms of groups 0, 1 and 2.
 DRAWN_GROUPS = 3
-"""MuJoCo draws the geoms of groups 0, 1 and 2."""
+#: Colour of a geom that has none, so that its material's counts.
 NO_COLOUR = (0.5, 0.5, 0.5, 1.0)
-"""Colour of a geom that has none, so that its material's counts."""
 
 
 class Drawn(NamedTuple):

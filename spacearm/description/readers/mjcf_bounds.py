@@ -16,18 +16,18 @@ from lxml import etree
 from spacearm.description.readers.source import Source
 from spacearm.files import read
 
+#: Largest number of elements, with those that are copied or generated.
 MOST_ELEMENTS = 100_000
-"""Largest number of elements, with those that are copied or generated."""
+#: Largest number of numbers or bytes that one element may ask for.
 MOST_NUMBERS = 10_000_000
-"""Largest number of numbers or bytes that one element may ask for."""
+#: Elements, numbers of an element, and bytes of the files that are named, of a small MJCF.
 FEW_ELEMENTS, FEW_NUMBERS, FEW_BYTES = 2_000, 1_000_000, 50_000_000
-"""Elements, numbers of an element, and bytes of the files that are named, of a small MJCF."""
+#: Largest number of MJCF files that one is made of.
 MOST_FILES = 200
-"""Largest number of MJCF files that one is made of."""
+#: Elements that stand for as many as their `count`, or the product of its three.
 GENERATED = {"composite", "flexcomp"}
-"""Elements that stand for as many as their `count`, or the product of its three."""
+#: Attributes whose product is a number of numbers.
 ASKED = {"hfield": ("nrow", "ncol"), "texture": ("width", "height"), "numeric": ("size",)}
-"""Attributes whose product is a number of numbers."""
 FOLDERS = ("assetdir", "meshdir", "texturedir")
 
 

@@ -11,12 +11,12 @@ from lxml import etree
 
 from spacearm.files import xml
 
+#: Levels of folders below each place that are searched.
 DEPTH = 3
-"""Levels of folders below each place that are searched."""
+#: Levels above a file that are searched.
 LEVELS = 5
-"""Levels above a file that are searched."""
+#: Largest number of folders that are searched in one place.
 MOST_FOLDERS = 5_000
-"""Largest number of folders that are searched in one place."""
 
 
 class Packages:

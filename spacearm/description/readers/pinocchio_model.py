@@ -24,19 +24,19 @@ from spacearm.description.tree import Tree, free_name
 PinocchioModel: TypeAlias = pin.Model | RobotWrapper
 PINOCCHIO_MODELS = (pin.Model, RobotWrapper)
 FREE = "JointModelFreeFlyer"
+#: Joints in a row that stand for a joint of several freedoms.
 ROWS = {
     "Spherical": (("x", "revolute"), ("y", "revolute"), ("z", "revolute")),
     "SphericalZYX": (("z", "revolute"), ("y", "revolute"), ("x", "revolute")),
     "Planar": (("x", "prismatic"), ("y", "prismatic"), ("z", "revolute")),
     "Translation": (("x", "prismatic"), ("y", "prismatic"), ("z", "prismatic")),
 }
-"""Joints in a row that stand for a joint of several freedoms."""
+#: Share of the mass of a body that rounding leaves of zero.
 LEAST_SHARE = 1e-12
-"""Share of the mass of a body that rounding leaves of zero."""
+#: Names of half lengths in coal.
 HALVES = {"size": "halfSide", "length": "halfLength"}
-"""Names of half lengths in coal."""
+#: Pinocchio writes the largest number there is where there is no limit.
 NO_LIMIT = 1e300
-"""Pinocchio writes the largest number there is where there is no limit."""
 
 
 def read(source: Source, robot: PinocchioModel) -> Tree:

@@ -24,11 +24,12 @@ from spacearm.description.readers.source import Source, describe, evaluate
 from spacearm.description.shapes import Mesh, Shape, primitive
 from spacearm.description.tree import Tree
 
+#: Limits beyond it are SDFormat's way to say that there is none (±1e16).
 UNLIMITED = 1e15
-"""Limits beyond it are SDFormat's way to say that there is none (±1e16)."""
 
 
 NO_LIMIT = ("", "inf", "+inf", "-inf", "infinity", "-infinity")
+#: Axes of each type of joint.
 AXES = {
     "fixed": (),
     "revolute": ("axis",),
@@ -39,13 +40,12 @@ AXES = {
     "screw": ("axis",),
     "ball": (),
 }
-"""Axes of each type of joint."""
+#: SDFormat's default of the density of collision shapes [kg/m^3].
 DENSITY = "1000"
-"""SDFormat's default of the density of collision shapes [kg/m^3]."""
+#: SDFormat's defaults; the radius of a capsule is 0.5.
 LENGTHS = {"size": "1 1 1", "radii": "1 1 1", "radius": "1", "length": "1"}
-"""SDFormat's defaults; the radius of a capsule is 0.5."""
+#: Before this version all axes are in the axes of the model.
 MODEL_AXES = (1, 5)
-"""Before this version all axes are in the axes of the model."""
 
 
 def read(source: Source, root: etree._Element) -> Tree:

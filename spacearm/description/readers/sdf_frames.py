@@ -152,11 +152,11 @@ def _canonical(model: etree._Element, scope: Scope) -> str:
 
 
 WORLD, MODEL = "world", "__model__"
+#: From this version on no joint or frame has the name of a link; before, it gets another one.
 ONE_NAME = (1, 7)
-"""From this version on no joint or frame has the name of a link; before, it gets another one."""
 
+#: Largest number of frames that lead one by one from a frame to the world, or to its link.
 MOST_STEPS = 1000
-"""Largest number of frames that lead one by one from a frame to the world, or to its link."""
 
 
 @dataclass
@@ -271,10 +271,10 @@ class Frames:
         return self.frames[name]
 
 
+#: Environment variables that name folders of models.
 FOLDERS = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH", "GAZEBO_MODEL_PATH")
-"""Environment variables that name folders of models."""
+#: Most includes in one another; more are a loop.
 DEEPEST = 20
-"""Most includes in one another; more are a loop."""
 
 
 def included(source: Source, include: etree._Element, *, needed: bool) -> etree._Element | None:

@@ -26,8 +26,8 @@ from spacearm.errors import ConfigurationError, ModelError, ModelWarning, listed
 from spacearm.files import read, xml
 from spacearm.processes import WorkerError, call_within
 
+#: Characters of numbers with pi, + - * / and parentheses, as SPART's files write their numbers.
 ARITHMETIC = re.compile(r"[\d.e+*/() pi-]{1,200}", re.ASCII)
-"""Characters of numbers with pi, + - * / and parentheses, as SPART's files write their numbers."""
 OPERATIONS: Mapping[type, Callable[..., float]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -136,26 +136,26 @@ class Reading:
         )
 
 
+#: Least length of a vector or a quaternion that a direction can be read from.
 SHORTEST = 1e-6
-"""Least length of a vector or a quaternion that a direction can be read from."""
+#: Suffixes of robot files.
 ROBOTS = (".urdf", ".xacro", ".xml", ".sdf", ".world")
-"""Suffixes of robot files."""
+#: Characters of a name that a note shows.
 LONGEST = 300
-"""Characters of a name that a note shows."""
+#: Largest number of times that a file is mended and parsed again.
 MOST_MENDS = 40
-"""Largest number of times that a file is mended and parsed again."""
 UNDECLARED = re.compile(r"Namespace prefix ([\w.-]+) (on|for) .* is not defined")
+#: Faults that the parsers of simulators let pass, where they are and what to write there.
 LENIENT = (
     ("hyphen within comment", re.compile(rb"(?<=<!--).*?(?=-->)", re.DOTALL), b" "),
     ("declaration allowed only", re.compile(rb"(?<!\A)<\?xml\s.*?\?>", re.DOTALL), b" "),
     ("Failed to parse QName", re.compile(rb"(?<=:):(?=[\w.-]+[\s/>])"), b"_"),
 )
-"""Faults that the parsers of simulators let pass, where they are and what to write there."""
+#: The version of XML that a file states, which some write as 0.0.
 VERSION = re.compile(rb"""\A(<\?xml\s+version\s*=\s*["'])[\d.]+""")
-"""The version of XML that a file states, which some write as 0.0."""
 ROOT_TAG = re.compile(rb"(\s|<\?((?!\?>).)*\?>|<!--((?!-->).)*-->)*<[\w:.-]+", re.DOTALL)
+#: Attribute of a link or joint from a xacro source: the line and file where it is written.
 WRITTEN = "written-on"
-"""Attribute of a link or joint from a xacro source: the line and file where it is written."""
 
 
 class Source:
@@ -402,8 +402,8 @@ def _filled(filler: bytes, found: re.Match[bytes]) -> bytes:
 
 T = TypeVar("T")
 
+#: What reading a file that is not small may take: time [s], address space [bytes].
 SECONDS, MEMORY = 60.0, 4e9
-"""What reading a file that is not small may take: time [s], address space [bytes]."""
 
 
 def apart(source: Source, read_it: Callable[[Source], T]) -> T:

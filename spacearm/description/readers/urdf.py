@@ -24,15 +24,15 @@ from spacearm.description.tree import Tree
 from spacearm.errors import listed, unknown
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
+#: Type of a ball joint in PyBullet and MuJoCo.
 BALL = "spherical"
-"""Type of a ball joint in PyBullet and MuJoCo."""
+#: Joints that only a spacecraft has; those above it are left out, for it floats by itself.
 FLOATING = ("floating", "planar")
-"""Joints that only a spacecraft has; those above it are left out, for it floats by itself."""
+#: Name of a link that need not be declared.
 WORLD = "world"
-"""Name of a link that need not be declared."""
 INFINITE = ("", "inf", "infinity", ".inf")
+#: Angle [rad] beyond which a limit looks like one in degrees.
 MANY_TURNS = 30.0
-"""Angle [rad] beyond which a limit looks like one in degrees."""
 
 
 def read(source: Source, robot: etree._Element) -> Tree:

@@ -18,8 +18,8 @@ from spacearm.description.readers.xacro_expansion import Expansion, XacroError
 from spacearm.errors import ModelError, unknown
 from spacearm.files import read, xml
 
+#: Steps of an expansion that are taken here; one that takes more has a process of its own.
 FEW_STEPS = 100_000
-"""Steps of an expansion that are taken here; one that takes more has a process of its own."""
 
 
 def expanded(source: Source, written: etree._Element) -> etree._Element:
@@ -134,10 +134,10 @@ def _fail_as_part(source: Source, written: etree._Element) -> NoReturn:
 VARIABLE = re.compile(r"\$\(arg\s+([\w.-]+)\)|\$\{\s*(\w+)\s*\}")
 EXPRESSION = re.compile(r"\$\{([^}]*)\}|\$\(eval\s+([^)]*)\)")
 VALUE = re.compile(r"[\w.+-]+")
+#: Largest number of values that are shown.
 MOST_CHOICES = 40
-"""Largest number of values that are shown."""
+#: Largest number of sources that are searched for the name of another.
 MOST_SOURCES = 2_000
-"""Largest number of sources that are searched for the name of another."""
 
 
 class ArgumentsOf:

@@ -33,18 +33,18 @@ from spacearm.description.readers.xacro_expressions import (
 )
 from spacearm.files import LARGEST_TEXT, read
 
+#: Functions of xacro's namespace python that expressions do without.
 CLOSED = ("type", "vars", "hash", "repr")
-"""Functions of xacro's namespace python that expressions do without."""
+#: Functions of xacro's namespace math whose values have no bounds.
 ENDLESS = ("factorial", "comb", "perm")
-"""Functions of xacro's namespace math whose values have no bounds."""
+#: Names of files and macros for simulators and controllers, which describe no bodies.
 EXTRAS = re.compile("gazebo|ros2?_?control|transmission|plugin", re.IGNORECASE)
-"""Names of files and macros for simulators and controllers, which describe no bodies."""
+#: Steps that a macro or a file counts as.
 MACRO = 50
-"""Steps that a macro or a file counts as."""
+#: Largest size of a YAML file [bytes].
 LARGEST_YAML = 10**6
-"""Largest size of a YAML file [bytes]."""
+#: Warnings of xacro that make no difference to the robot.
 HARMLESS = re.compile("is deprecated|redefining global symbol|inconsistent namespace")
-"""Warnings of xacro that make no difference to the robot."""
 
 
 class Expansion:

@@ -13,15 +13,16 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
+#: Largest number of steps of all expressions and macros of a file.
 MOST_STEPS = 1_000_000
-"""Largest number of steps of all expressions and macros of a file."""
+#: Largest number of items, characters or bits that one operation may give, lists in lists too.
 LONGEST = 100_000
-"""Largest number of items, characters or bits that one operation may give, lists in lists too."""
+#: Number of items or characters of a value that count as one more step.
 PER_STEP = 10
-"""Number of items or characters of a value that count as one more step."""
 TEXT = """capitalize count endswith find index isalnum isalpha isdigit isnumeric lower lstrip
     partition removeprefix removesuffix rfind rindex rpartition rsplit rstrip split splitlines
     startswith strip title upper"""
+#: Methods that expressions may call, by the type of their owner.
 METHODS: Mapping[type, frozenset[str]] = {
     str: frozenset(TEXT.split()),
     list: frozenset(("count", "index", "pop")),
@@ -29,9 +30,8 @@ METHODS: Mapping[type, frozenset[str]] = {
     dict: frozenset(("get", "items", "keys", "values")),
     float: frozenset(("is_integer",)),
 }
-"""Methods that expressions may call, by the type of their owner."""
+#: Name of the checked operations; no identifier can have it.
 GUARD = "guard "
-"""Name of the checked operations; no identifier can have it."""
 
 
 class ExpressionError(Exception):
@@ -142,8 +142,8 @@ def _range(*ends: int) -> list[int]:
     return list(numbers)
 
 
+#: Functions that expressions have in place of Python's own.
 BOUNDED = {"round": _round, "range": _range}
-"""Functions that expressions have in place of Python's own."""
 
 
 def _attribute(owner: Any, name: str) -> Any:

@@ -22,8 +22,8 @@ from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.resolved_motion import reactionless
 from spacearm.planning.tree import BOXES
 
+#: Name of the method that comes before the others where the attitude is to be kept.
 REACTIONLESS = "reactionless"
-"""Name of the method that comes before the others where the attitude is to be kept."""
 
 
 def at_rest(request: PlanRequest) -> Plan:

@@ -25,8 +25,8 @@ from spacearm.planning.result import Plan
 from spacearm.planning.strategies.drift import stretched
 from spacearm.planning.timing import flown_spline
 
+#: Durations tried where the way depends on them, the room of the next, and that for rounding.
 TRIES, SLACK, ROUND_UP = 4, 1.05, 1.0 + 1e-9
-"""Durations tried where the way depends on them, the room of the next, and that for rounding."""
 
 
 def attitude_held(request: PlanRequest, floating: Callable[[PlanRequest], Plan]) -> Plan:

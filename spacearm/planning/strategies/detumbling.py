@@ -29,20 +29,20 @@ from spacearm.planning.strategies.rest_motion import WAVES, Bounds, Landing, Res
 from spacearm.planning.timing import PEAK, corners
 
 METHOD = "detumbling"
+#: First duration tried, over the least, where none is asked for; the next over it; their number.
 SOONEST, LONGER, LONGEST = 1.3, 1.3, 14
-"""First duration tried, over the least, where none is asked for; the next over it; their number."""
+#: Standard deviation of the random waves of later attempts [rad], share of the momentum.
 WIDE = 0.5
-"""Standard deviation of the random waves of later attempts [rad], share of the momentum."""
+#: Turn of the spacecraft and joint motion from row to row [rad], and the least number of rows.
 FINE, FEWEST = 0.04, 60
-"""Turn of the spacecraft and joint motion from row to row [rad], and the least number of rows."""
+#: How often there are twice as many rows where the joints would rest at a sharp turn.
 SHARP = 4
-"""How often there are twice as many rows where the joints would rest at a sharp turn."""
+#: Number of wheels up to which all combinations of their limits are looked at.
 MANY = 12
-"""Number of wheels up to which all combinations of their limits are looked at."""
+#: What stands for a wheel without a limit, times the momentum.
 UNLIMITED = 1e6
-"""What stands for a wheel without a limit, times the momentum."""
+#: Share of a momentum that may be across the axes of the wheels.
 SPANNED = 1e-6
-"""Share of a momentum that may be across the axes of the wheels."""
 
 
 class Detumbling:

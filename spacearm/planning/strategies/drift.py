@@ -44,41 +44,41 @@ from spacearm.planning.strategies.at_rest import at_rest
 from spacearm.planning.strategies.several_tips import several_tips
 from spacearm.planning.timing import PEAK, eased, swing
 
+#: Time for a motion over that at zero momentum, where none is asked for: bent ways are longer.
 SLACK = 1.2
-"""Time for a motion over that at zero momentum, where none is asked for: bent ways are longer."""
+#: One in so many ways begins with a plan at zero momentum; ends of ramps found at once.
 EACH, AT_ONCE = 5, 8
-"""One in so many ways begins with a plan at zero momentum; ends of ramps found at once."""
+#: Rows of them, at least.
 ROWS = 40
-"""Rows of them, at least."""
+#: Name of the method of joint motions, and how far those after the first go aside [rad].
 JOINTS, DETOUR = "joint space", 0.4
-"""Name of the method of joint motions, and how far those after the first go aside [rad]."""
+#: Largest turn of the spacecraft, and motion of a joint, from row to row [rad], [m].
 FINE = 0.05
-"""Largest turn of the spacecraft, and motion of a joint, from row to row [rad], [m]."""
+#: Joint motion at the rates at the end for as long as a swing to them may last [rad] or [m]; that
+#: for which there is time where no duration is asked for, of this length at most [s]; its rows.
 SWUNG, QUICK, LEISURE, SWING_ROWS = 2.5, 0.5, 5.0, 60
-"""Joint motion at the rates at the end for as long as a swing to them may last [rad] or [m]; that
-for which there is time where no duration is asked for, of this length at most [s]; its rows."""
 
+#: Methods by which a plan with momentum begins, after others, and the least time for each [s].
 AGAIN, SHORT = ("joint space", "tree", "cycles"), 1.0
-"""Methods by which a plan with momentum begins, after others, and the least time for each [s]."""
 
+#: Number of waves 1 - cos(2 pi k u) by which a motion is bent.
 WAVES = 4
-"""Number of waves 1 - cos(2 pi k u) by which a motion is bent."""
+#: Rows of the motions whose ends give the derivative.
 COARSE = 30
-"""Rows of the motions whose ends give the derivative."""
+#: Height of a wave by which the end is differentiated [rad] or [m].
 BENT = 1e-4
-"""Height of a wave by which the end is differentiated [rad] or [m]."""
+#: Fall of the error with which a derivative is used again.
 KEPT = 0.1
-"""Fall of the error with which a derivative is used again."""
+#: Newton steps, at most.
 STEPS = 30
-"""Newton steps, at most."""
+#: Longest of them, in every height [rad] or [m].
 LONGEST = 0.3
-"""Longest of them, in every height [rad] or [m]."""
+#: First guesses of inverse kinematics, its steps, and intervals of the integration along each.
 GUESSES, RAMP_STEPS, INTERVALS = 300, 25, 6
-"""First guesses of inverse kinematics, its steps, and intervals of the integration along each."""
+#: Error of the tip that bending a motion makes up for [m], [rad].
 NEAR = 0.1
-"""Error of the tip that bending a motion makes up for [m], [rad]."""
+#: Ends nearer to each other than this count once [rad], [m].
 SAME = 0.1
-"""Ends nearer to each other than this count once [rad], [m]."""
 
 
 class Drift:

@@ -23,10 +23,10 @@ from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.at_rest import at_rest, paced
 from spacearm.planning.strategies.drift import Drift
 
+#: Share of the time left that a leg may take, and the least time for it [s].
 PART, SHORT = 0.5, 2.0
-"""Share of the time left that a leg may take, and the least time for it [s]."""
+#: Rest before a leg that ends with a twist [s].
 PAUSE = 1e-3
-"""Rest before a leg that ends with a twist [s]."""
 
 
 def by_way_of_goals(request: PlanRequest) -> Plan:

@@ -18,12 +18,12 @@ from spacearm.planning.problem import Problem
 from spacearm.planning.request import Joints, PlanRequest
 from spacearm.planning.result import Plan
 
+#: Time for the tries together [s].
 TIME = 3.0
-"""Time for the tries together [s]."""
+#: Name of the relaxation that takes other joint positions.
 SAME_POSE = "another posture of the same pose"
-"""Name of the relaxation that takes other joint positions."""
+#: Searches for other postures, and how many of those found are tried, nearest first.
 SEARCHES, POSTURES = 300, 3
-"""Searches for other postures, and how many of those found are tried, nearest first."""
 
 
 def relaxed(request: PlanRequest, find: Callable[[PlanRequest], Plan]) -> str:

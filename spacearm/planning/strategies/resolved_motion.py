@@ -24,14 +24,14 @@ from spacearm.motion.goal import goal_rows, twist_between
 from spacearm.planning.many_curves import turning_axes
 from spacearm.planning.problem import Problem, Rows
 
+#: Residual of a row [m], [rad].
 ON_THE_LINE = 1e-10
-"""Residual of a row [m], [rad]."""
+#: Joint motion from row to row, at most and aimed at, and the shortest share of the line tried.
 LARGE, SMALL, SHORTEST = 0.03, 0.015, 1e-6
-"""Joint motion from row to row, at most and aimed at, and the shortest share of the line tried."""
+#: Share of its range that a joint has at least before its limit, for the weights.
 LEAST_ROOM = 1e-3
-"""Share of its range that a joint has at least before its limit, for the weights."""
+#: Newton steps to a row.
 CORRECTIONS = 8
-"""Newton steps to a row."""
 
 
 class Aim(NamedTuple):
@@ -186,12 +186,12 @@ class Resolved:
         return np.where(np.isfinite(upper - lower), 1.0 / np.sqrt(1.0 + slope), 1.0)
 
 
+#: How firmly the attitude is kept, in turn; see `Bias`.
 FIRM = (np.inf, 1000.0, 500.0, 200.0, 100.0, 50.0, 20.0, 5.0)
-"""How firmly the attitude is kept, in turn; see `Bias`."""
+#: Ways tried in a round.
 TRIES = 24
-"""Ways tried in a round."""
+#: Size of the joint motions aside [rad], and of the logarithm of how easily each joint moves.
 ASIDE, EASE = 1.0, 1.0
-"""Size of the joint motions aside [rad], and of the logarithm of how easily each joint moves."""
 
 
 def reactionless(problem: Problem) -> Rows:

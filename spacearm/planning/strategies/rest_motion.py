@@ -26,28 +26,28 @@ from spacearm.planning.many_curves import steered_attitudes
 from spacearm.planning.optimiser import ARRIVED, Target
 from spacearm.planning.reactions import Wheels
 
+#: Number of waves of each joint and wheel.
 WAVES = 6
-"""Number of waves of each joint and wheel."""
+#: Shares of the duration at which the limits are looked at: denser towards the ends.
 TIMES = np.sin(0.5 * np.pi * (np.arange(1, 32) / 32.0)) ** 2
-"""Shares of the duration at which the limits are looked at: denser towards the ends."""
+#: Share of rates, torques and capacities that may be taken at these times.
 MARGIN = 0.98
-"""Share of rates, torques and capacities that may be taken at these times."""
+#: Steps of the motions whose ends give the derivative.
 COARSE = 24
-"""Steps of the motions whose ends give the derivative."""
+#: Motions that are integrated between two looks at the clock.
 TOGETHER = 16
-"""Motions that are integrated between two looks at the clock."""
+#: Height of a wave by which the end is differentiated, [rad], [m], or share of the momentum.
 BENT = 1e-5
-"""Height of a wave by which the end is differentiated, [rad], [m], or share of the momentum."""
+#: Newton steps, at most.
 STEPS = 40
-"""Newton steps, at most."""
+#: The largest of them in any height, likewise, and that below which the search ends.
 LONGEST, SHORTEST = 0.5, 1e-3
-"""The largest of them in any height, likewise, and that below which the search ends."""
+#: Residual from which on the least change comes first, which the limits allow for.
 CLOSE = 1e-2
-"""Residual from which on the least change comes first, which the limits allow for."""
+#: What the merit falls to at least in a step, and the error where the derivative is used again.
 STALLED, QUICK = 1.0 - 1e-6, 0.05
-"""What the merit falls to at least in a step, and the error where the derivative is used again."""
+#: What a unit of the residual, of excess over the limits, and of a wave of joint or wheel costs.
 MISS, OVER, BEND, SPIN = 300.0, 300.0, 0.1, 0.01
-"""What a unit of the residual, of excess over the limits, and of a wave of joint or wheel costs."""
 
 
 def _shapes() -> tuple[Polynomial, ...]:

@@ -22,16 +22,16 @@ from spacearm.planning.result import Plan
 from spacearm.planning.strategies.at_rest import by_methods
 from spacearm.planning.strategies.resolved_motion import Aim, Bias, Resolved
 
+#: Sizes of the first guesses of joint motions [rad], [m], one after the other.
 WIDTHS = (0.5, 1.0, 2.0, 3.0)
-"""Sizes of the first guesses of joint motions [rad], [m], one after the other."""
+#: Size of the curves' sines over that of the motions; every second one is straight.
 BENT = 0.5
-"""Size of the curves' sines over that of the motions; every second one is straight."""
+#: Newton steps to the end of a curve, at most, and the longest of them [rad], [m].
 STEPS, LONGEST = 30, 0.5
-"""Newton steps to the end of a curve, at most, and the longest of them [rad], [m]."""
+#: Rows of a curve while its end is sought.
 COARSE = 40
-"""Rows of a curve while its end is sought."""
+#: Curves tried in the first round, and in each after it.
 FIRST, NEXT = 20, 60
-"""Curves tried in the first round, and in each after it."""
 
 
 def several_tips(request: PlanRequest) -> Plan:
