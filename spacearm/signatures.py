@@ -143,10 +143,14 @@ def _method(method: Callable[..., Any], thing: Callable[..., Any]) -> Callable[.
 
 def _by_a_user(caller: types.FrameType | None) -> bool:
     """Tell whether a call comes from outside this package, or hands on what does."""
-    name = "dataclasses"  # which calls constructors in `replace`
-    while caller is not None and name == "dataclasses":
-        name, caller = caller.f_globals.get("__name__", ""), caller.f_back
-    return not name.startswith("spacearm.") or name.startswith(FRONT_ENDS)
+    while caller is not None:
+        name = caller.f_globals.get("__name__", "")
+        outside = not name.startswith("spacearm.") or name.startswith(FRONT_ENDS)
+        options = caller.f_code.co_flags & inspect.CO_VARKEYWORDS  # which it may hand on
+        if name != "dataclasses" and (outside or not options):  # it calls constructors in `replace`
+            return outside
+        caller = caller.f_back
+    return True
 
 
 def check(thing: Callable[..., object], args: Sequence[object], kwargs: Mapping[str, Any]) -> None:

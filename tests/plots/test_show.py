@@ -143,7 +143,7 @@ def results(few):
         "a free box": (sa.free_box(cfg), 1),
         "free boxes of two joints": (sa.free_boxes(planar, most=400), 1),
         "free boxes": (sa.free_boxes(spatial, most=50), 1),
-        "a map of a closed chain": (held().map(points=5), 1),
+        "a map of a closed chain": (held().map(points=5), 2),
         "a connection": (sa.connected(planar.at([0.3, 1.2]), planar.at([0.4, 1.2])), 1),
         **{what: (store, 1 + ("one arm" in what)) for what, store in stores().items()},
     }
