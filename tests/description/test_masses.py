@@ -265,8 +265,11 @@ def test_density_of_meshes(open_mesh, tmp_path):
     geometry = '<mesh filename="box.stl" scale="0.001 0.001 0.001"/>'
     path = tmp_path / "robot.urdf"
     path.write_text(robot(BUS, shaped(geometry), ELBOW))
-    with pytest.warns(sa.ModelWarning, match="gives mass"):
+    with pytest.warns(sa.ModelWarning) as notes:
         body = sa.load(path, density=1000).model.inertias[2]
+    said = " ".join(str(note.message) for note in notes)
+    assert "gives mass" in said
+    assert ("'arm' are not closed" in said) == open_mesh
     assert body.mass == pytest.approx(6.0, rel=1e-5)
     assert np.allclose(body.inertia, np.diag([0.13, 0.10, 0.05]) / 2, rtol=1e-5)
 

@@ -140,7 +140,7 @@ def results(few):
         "designs": (design, 1),
         "many runs": (sa.simulate_many([planar.at([0.3, 1.2])] * 3, LAW, 0.2), 2),
         "an uncertain arm": (unsure(planar), 1),
-        "a free box": (sa.free_box(cfg), 1),
+        "a free box": (sa.free_box(planar.at([0.3, 1.2])), 1),
         "free boxes of two joints": (sa.free_boxes(planar, most=400), 1),
         "free boxes": (sa.free_boxes(spatial, most=50), 1),
         "a map of a closed chain": (held().map(points=5), 2),

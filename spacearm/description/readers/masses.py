@@ -230,19 +230,26 @@ def of_density(source: Source, tree: Tree, density: float) -> dict[str, Inertial
     Warns:
         ModelWarning: Links got mass properties, or got none for want of a usable shape.
     """
-    found, bare = dict[str, Inertial](), list[str]()
+    found, bare, hulls = dict[str, Inertial](), list[str](), list[str]()
     for link, inertial in tree.links.items():
         solids = tree.visuals.get(link, shapes.Visuals())
         if (inertial is None or inertial.mass == 0.0) and any(solids):
-            solid = solid_inertia(solids.collision or solids.visual) or solid_inertia(solids.visual)
-            if solid is None:
-                bare.append(link)
+            for those in (solids.collision, solids.visual):
+                if (solid := solid_inertia(those)) is not None:
+                    part = Inertial.of_spatial(solid)
+                    found[link] = part.with_mass(density * part.mass)
+                    hulls += [link] * any(map(_is_open, those))
+                    break
             else:
-                part = Inertial.of_spatial(solid)
-                found[link] = part.with_mass(density * part.mass)
+                bare.append(link)
     if found:
         masses = ", ".join(f"{link!r} {part.mass:.4g} kg" for link, part in found.items())
         source.warn(f"density {density:g} kg/m^3 gives mass and inertia from shapes: {masses}")
+    if hulls:
+        source.warn(
+            f"meshes of {_quoted(hulls)} are not closed and weigh as their convex hulls, which can "
+            "be many times too much: compare with data of the robot, or give mass and inertia"
+        )
     if bare:
         source.warn(f"density gives no mass to {_quoted(bare)}: no shapes, or unusable ones")
     return found
@@ -291,6 +298,17 @@ def _solid_of(geometry: shapes.Geometry) -> pin.Inertia | None:
             centre, moments = np.array(solid.center_mass), np.array(solid.moment_inertia)
             return pin.Inertia(float(solid.volume), centre, moments)
     return None
+
+
+def _is_open(shape: shapes.Shape) -> bool:
+    """Whether a shape is a mesh without an inside, for which its convex hull stands."""
+    match shape.geometry:
+        case shapes.Mesh(_, Path() as file):
+            try:
+                return not shapes.read_mesh(file).is_volume
+            except ModelError:
+                return False
+    return False
 
 
 def _of_primitive(shape: coal.ShapeBase) -> pin.Inertia:
