@@ -7,6 +7,7 @@ where the spacecraft is. A target moves with X; where the fixed world is held, t
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from spacearm.arrays import Array
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.joints import joint_scales
+from spacearm.motion.goal import twist_between
 
 #: Most steps, and the shares of each that are tried.
 STEPS, SHARES = 50, 0.5 ** np.arange(8)
@@ -66,7 +68,9 @@ class Closure(NamedTuple):
             there, frame = at(z)
             tips = kinematics(arm, there, pin.SE3.Identity()).tips
             pairs = zip(tips, self.grasps, strict=True)
-            return scale * np.concatenate([_off(tip, frame * grasp) for tip, grasp in pairs])
+            return scale * np.concatenate(
+                [twist_between(frame * grasp, tip) for tip, grasp in pairs]
+            )
 
         def slopes(z: Array) -> Array:
             there, frame = at(z)
@@ -120,7 +124,22 @@ def placed(
     return there, target and target.replace(pose=base * X)
 
 
-def _off(tip: pin.SE3, wanted: pin.SE3) -> Array:
-    """Return how far a tip (6,) is from where it should be [m], [rad]."""
-    turn = pin.log3(tip.rotation @ wanted.rotation.T)
-    return np.concatenate((tip.translation - wanted.translation, turn))
+class Gaps(NamedTuple):
+    """How far tips are from their grasps at most: place [m] and angle [rad]."""
+
+    gap: float
+    turn: float
+
+    @classmethod
+    def of(cls, tips: Sequence[pin.SE3], frame: pin.SE3, grasps: Iterable[pin.SE3]) -> Gaps:
+        """Return the gaps of tips that hold a frame by grasps in it."""
+        off = [(frame * F).actInv(tip) for tip, F in zip(tips, grasps, strict=True)]
+        return cls(
+            max(float(np.linalg.norm(pose.translation)) for pose in off),
+            max(float(np.linalg.norm(pin.log3(pose.rotation))) for pose in off),
+        )
+
+
+def named(target: Target | None) -> str:
+    """Return the name of what is held."""
+    return "the fixed world" if target is None else target.name

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Progress
 from spacearm.closure.closed_motions import ClosedMotions, closed_motions
-from spacearm.closure.closing import Closure, placed
+from spacearm.closure.closing import Closure, named, placed
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.distance import Linearisation, RankDistances, project, rank_distances
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
@@ -150,8 +150,7 @@ class HeldReport(Result):
         ]
         lost = f"; {what} cannot move in {len(self.lost) - moves} of {len(self.lost)} directions"
         return Description(
-            title=f"{arm.name} holding {self.target.name if self.target else 'the fixed world'}, "
-            f"{self.mode}",
+            title=f"{arm.name} holding {named(self.target)}, {self.mode}",
             verdict=self.verdict + lost * (moves < len(self.lost)),
             tone="good" if self.kind == "regular" else "bad",
             notes=[
@@ -306,17 +305,16 @@ class ClosedMap(Result):
         arm = self.configuration.arm
         there = np.isfinite(self.sigma_min)
         least = float(np.min(self.distance, initial=np.inf, where=there))
-        what = self.target.name if self.target else "the fixed world"
         facts = {
             f"moved along {axis}": Measure(moves[[0, -1]], "m" if len(axis) == 1 else "rad")
             for axis, moves in zip(self.axes, self.moves, strict=True)
         }
         facts["least distance, to first order"] = Measure(least, "rad")
         return Description(
-            title=f"{arm.name} holding {what}, {self.mode}: over {' and '.join(self.axes)}",
+            title=f"{arm.name} holding {named(self.target)}, {self.mode}: over "
+            f"{' and '.join(self.axes)}",
             verdict=f"{100.0 * there.mean():.3g} % of the grid closes",
             tables=[Table.facts(facts)],
-            not_checked=self.not_checked,
         )
 
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, Progress, generator
-from spacearm.closure.closing import Closure, placed
+from spacearm.closure.closing import Closure, Gaps, named, placed
 from spacearm.closure.held_report import ClosedMap, HeldReport, closed_map, held_report
 from spacearm.closure.target_paths import Carrying, FollowedTarget, Frame, follow_target
 from spacearm.closure.target_runs import TargetRun, simulate_target
@@ -301,7 +301,6 @@ class Held(Result):
     def describe(self) -> Description:
         """Describe where what is held is, and where it is grasped."""
         cfg, target = self.configuration, self.target
-        what = "the fixed world" if target is None else target.name
         moved = cfg.base if target is None else target.pose
         rows = [
             (
@@ -322,7 +321,7 @@ class Held(Result):
         columns = (Column("tip"), Column("holds, place"), Column("roll, pitch, yaw"))
         joints = {"joint": cfg.arm.joint_names, "q": joint_measures(cfg.q, cfg.arm.slides)}
         return Description(
-            title=f"{cfg.arm.name} and {what}",
+            title=f"{cfg.arm.name} and {named(target)}",
             verdict=f"held by {listed(list(self.grasps))}{far}{outside}",
             tone="good" if not outside else "caution",
             tables=[
@@ -406,7 +405,7 @@ def hold(
             return found[-1]
     best = min(found, key=lambda held: held.gap + held.turn)
     raise NoSolutionError(
-        f"{arm.name} does not hold {_named(target)}: from the start and {POSTURES} random postures "
+        f"{arm.name} does not hold {named(target)}: from the start and {POSTURES} random postures "
         f"on, a tip stays {best.gap:.3g} m and {np.degrees(best.turn):.3g}° off its grasp at best; "
         f"correct the grasps{', or let what is held move: fixed=False' * fixed}"
         f"{', or try limits=False' * limits}",
@@ -439,10 +438,8 @@ def _held(
 ) -> Held:
     """Return what was found, with its gaps."""
     there = pin.SE3.Identity() if target is None else target.pose
-    off = [(there * frames[t]).actInv(tip) for t, tip in zip(frames, cfg.tips, strict=True)]
-    gap = max(float(np.linalg.norm(pose.translation)) for pose in off)
-    turn = max(float(np.linalg.norm(pin.log3(pose.rotation))) for pose in off)
-    return Held(cfg, target, MappingProxyType(dict(frames)), gap, turn, tries)
+    gaps = Gaps.of(cfg.tips, there, frames.values())
+    return Held(cfg, target, MappingProxyType(dict(frames)), *gaps, tries)
 
 
 def _with_all_rows(arm: SpaceArm) -> SpaceArm:
@@ -484,7 +481,3 @@ def _anywhere(arm: SpaceArm, limits: bool, rng: np.random.Generator) -> Array:
     bounded = np.isfinite(arm.lower) & np.isfinite(arm.upper) & limits
     low = np.where(bounded, arm.lower, -half)
     return rng.uniform(low, np.where(bounded, arm.upper, half))
-
-
-def _named(target: Target | None) -> str:
-    return "the fixed world" if target is None else target.name

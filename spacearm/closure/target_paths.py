@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.closure.closed_motions import closed_motions
-from spacearm.closure.closing import Closure
+from spacearm.closure.closing import Closure, Gaps
 from spacearm.closure.held_report import closed_distances
 from spacearm.description.tree import free_name
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
@@ -47,13 +47,6 @@ from spacearm.motion.following import (
 from spacearm.motion.motion import carried_along, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.results import Cell, Description, Measure, Table
-
-
-class Gaps(NamedTuple):
-    """How far tips are from their grasps at most: place [m] and angle [rad]."""
-
-    gap: float
-    turn: float
 
 
 class Carrying:
@@ -107,12 +100,7 @@ class Carrying:
 
     def gaps(self, cfg: Configuration) -> Gaps:
         """Return how far tips are from their grasps at most."""
-        frame = self.frame(cfg)
-        off = [(frame * F).actInv(tip) for F, tip in zip(self.grasps, cfg.tips, strict=True)]
-        return Gaps(
-            max(float(np.linalg.norm(pose.translation)) for pose in off),
-            max(float(np.linalg.norm(pin.log3(pose.rotation))) for pose in off),
-        )
+        return Gaps.of(cfg.tips, self.frame(cfg), self.grasps)
 
     def closed(self, q: Array) -> Array:
         """Return the closed joint positions (n,) next to some."""

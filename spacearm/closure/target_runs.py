@@ -35,6 +35,7 @@ from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import Event, first_fall
+from spacearm.motion.goal import twist_between
 from spacearm.motion.motion import Trajectory, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.motion.plant import Integration
@@ -102,7 +103,7 @@ def closed_state(
     for i, twist in enumerate(twists, 1):
         lever = tips[i].translation - tips[0].translation
         turning = np.concatenate((np.cross(spin, twist[:3] - first[:3]), np.zeros(3)))
-        open_ = _open(tips[i], grasp * carrying.grasps[i])
+        open_ = twist_between(grasp * carrying.grasps[i], tips[i])
         opens = twist - carried(lever) @ first
         bias.append(
             drift[i] - carried(lever) @ drift[0] - turning + 2.0 * PULL * opens + PULL**2 * open_
@@ -134,12 +135,6 @@ def balanced(carrying: Carrying, cfg: Configuration, w: Array) -> Array:
     forces = w.ravel() / scale
     moving = np.linalg.lstsq(G.T, G.T @ forces)[0]
     return ((forces - moving) * scale).reshape(w.shape)
-
-
-def _open(tip: pin.SE3, wanted: pin.SE3) -> Array:
-    """Return how far a grasp is open (6,) [m], [rad], inertial axes."""
-    turn = pin.log3(tip.rotation @ wanted.rotation.T)
-    return np.concatenate((tip.translation - wanted.translation, turn))
 
 
 def _drift(cfg: Configuration, v: Array) -> Array:

@@ -59,21 +59,8 @@ def draw_map(result: SingularMap, axes: Any, *, box: FreeBox | None = None) -> N
     Raises:
         ConfigurationError: The joints that are held are outside the box, or it is of another arm.
     """
-    degrees, distance = np.degrees(result.angles), np.degrees(result.distance.T)
-    most = float(np.max(distance, initial=0.0, where=np.isfinite(distance)))
-    far = next((scale for scale in SCALES if most <= scale), FAR)
-    image = axes.pcolormesh(
-        degrees,
-        degrees,
-        np.minimum(distance, far),
-        vmin=0.0,
-        vmax=far,
-        cmap="cividis",
-        rasterized=True,
-    )
-    axes.figure.colorbar(
-        image, ax=axes, label=FIRST_ORDER, shrink=0.9, extend="max" if most > far else "neither"
-    )
+    degrees = np.degrees(result.angles)
+    _draw_distance(axes, degrees, degrees, result.distance)
     _draw_curves(axes, result.curves or [])
     _angle_axes(axes, result.joints)
     _draw_limits(axes, np.degrees(result.joint_limits))
@@ -97,18 +84,24 @@ def draw_closed_map(result: ClosedMap, axes: Any) -> None:
     """
     turns = [len(axis) > 1 for axis in result.axes]
     x, y = (np.degrees(m) if t else m for m, t in zip(result.moves, turns, strict=True))
-    distance = np.degrees(result.distance.T)
-    most = float(np.max(distance, initial=0.0, where=np.isfinite(distance)))
-    far = next((scale for scale in SCALES if most <= scale), FAR)
-    image = axes.pcolormesh(
-        x, y, np.minimum(distance, far), vmin=0.0, vmax=far, cmap="cividis", rasterized=True
-    )
-    axes.figure.colorbar(image, ax=axes, label=FIRST_ORDER, shrink=0.9)
+    _draw_distance(axes, x, y, result.distance)
     units = ["deg" if turn else "m" for turn in turns]
     axes.set_xlabel(f"moved along {result.axes[0]} [{units[0]}]")
     axes.set_ylabel(f"moved along {result.axes[1]} [{units[1]}]")
     axes.plot(0.0, 0.0, "+", color=RED)
     entitle(axes, result.describe().headline)
+
+
+def _draw_distance(axes: Any, x: Array, y: Array, distance: Array) -> None:
+    """Draw distances (m, k) over two directions, in colours up to the largest one."""
+    shown = np.degrees(distance.T)
+    most = float(np.max(shown, initial=0.0, where=np.isfinite(shown)))
+    far = next((scale for scale in SCALES if most <= scale), FAR)
+    image = axes.pcolormesh(
+        x, y, np.minimum(shown, far), vmin=0.0, vmax=far, cmap="cividis", rasterized=True
+    )
+    beyond = "max" if most > far else "neither"
+    axes.figure.colorbar(image, ax=axes, label=FIRST_ORDER, shrink=0.9, extend=beyond)
 
 
 @draws(SingularSet)
@@ -222,10 +215,7 @@ def _draw_samples(arm: SpaceArm, samples: Array, ax: Any) -> Any:
     """Draw samples over two joints, or a histogram over the only joint of an arm."""
     axes = axes_for(ax, 6.4, 6.0)
     shown = samples * np.where(arm.slides, 1.0, 180.0 / np.pi)
-    labels = [
-        f"{name} [{'m' if slides else 'deg'}]"
-        for name, slides in zip(arm.joint_names, arm.slides, strict=True)
-    ]
+    labels = _joint_labels(arm)
     if arm.n == 1:
         axes.hist(shown[:, 0], bins=BINS**2, color=RED)
         axes.set(xlabel=labels[0], ylabel="samples")
@@ -236,6 +226,12 @@ def _draw_samples(arm: SpaceArm, samples: Array, ax: Any) -> Any:
         _angle_axes(axes, (arm.joint_names[i], arm.joint_names[j]))
     axes.set(xlabel=labels[i], ylabel=labels[j])
     return axes
+
+
+def _joint_labels(arm: SpaceArm) -> list[str]:
+    """Return the labels of axes of joints, with units."""
+    joints = zip(arm.joint_names, arm.slides, strict=True)
+    return [f"{name} [{'m' if slides else 'deg'}]" for name, slides in joints]
 
 
 def _structure(points: Array) -> float:
@@ -364,8 +360,7 @@ def draw_free_boxes(result: FreeBoxes, axes: Any) -> None:
                 Rectangle(low, *(high - low), facecolor=GREEN, edgecolor="white", lw=0.3)
             )
         axes.autoscale_view()
-        labels = [f"{name} [{'m' if slides else '°'}]"
-                  for name, slides in zip(arm.joint_names, arm.slides, strict=True)]  # fmt: skip
+        labels = _joint_labels(arm)
         axes.set(xlabel=labels[0], ylabel=labels[1])
     else:
         axes.plot(np.arange(1, len(covered) + 1), covered, color=GREEN, lw=2)

@@ -55,30 +55,8 @@ LARGEST_SVG = 400_000
 #: Dots per inch of PNG pictures.
 DOTS = 150
 
-STYLE = """
-:root { color-scheme: light; }
-body { font: 15px/1.5 system-ui, "Segoe UI", Helvetica, Arial, sans-serif; color: #1c232b;
-  max-width: 60em; margin: 2em auto; padding: 0 1.5em; }
-h1 { font-size: 1.8em; margin-bottom: 0.1em; }
-h2 { font-size: 1.25em; margin-top: 2em; border-bottom: 1px solid #c8cfd6; padding-bottom: 0.2em; }
-p.about { color: #5b6470; margin-top: 0; }
-figure { margin: 1em 0; break-inside: avoid; }
-figure img { max-width: 100%; height: auto; display: block; margin: 0 auto; }
-figcaption { color: #5b6470; font-size: 0.92em; }
-code { font: 0.86em/1.4 ui-monospace, Menlo, Consolas, monospace; background: #f1f3f5;
-  padding: 0.15em 0.4em; border-radius: 3px; overflow-wrap: anywhere; }
-p.command { margin: 0.3em 0 0; }
-table { border-collapse: collapse; margin: 0.8em 0; font-size: 0.92em; break-inside: avoid; }
-th, td { text-align: right; padding: 0.2em 0.9em 0.2em 0; font-variant-numeric: tabular-nums; }
-th:first-child, td:first-child { text-align: left; }
-th { border-bottom: 1px solid #c8cfd6; font-weight: 600; }
-p.missing { color: #8a4b08; }
-nav { font-size: 0.92em; }
-nav a { margin-right: 1em; color: #0060a0; }
-@page { margin: 18mm 15mm; }
-@media print { body { font-size: 10.5pt; max-width: none; margin: 0; padding: 0; }
-  nav { display: none; } h2 { break-after: avoid; } a { color: inherit; } }
-"""
+#: Style sheet of the page.
+STYLE = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
 
 
 @dataclass
@@ -103,27 +81,21 @@ class Section:
         name = f' class="{kind}"' if kind else ""
         self.blocks.append(f"<p{name}>{html.escape(text)}</p>")
 
-    def show(self, said: Description, command: str = "") -> None:
-        """Add a description, and the command that prints it."""
+    def show(self, said: Description | Table, command: str = "") -> None:
+        """Add a description or a table, and the command that prints it."""
         self.blocks.append(said.to_html())
-        self._command(command)
-
-    def table(self, shown: Table, command: str = "") -> None:
-        """Add a table, and the command that prints its numbers."""
-        self.blocks.append(shown.to_html())
-        self._command(command)
+        self.blocks += [_command(command)] if command else []
 
     def picture(self, drawn: Figure, caption: str, command: str) -> None:
         """Add a figure with its caption, and the command that draws it."""
-        self.blocks.append(
-            f'<figure><img src="{inside(drawn)}" alt="{html.escape(caption)}">'
-            f"<figcaption>{html.escape(caption)}</figcaption></figure>"
-        )
-        self._command(command)
+        words = html.escape(caption)
+        image = f'<img src="{inside(drawn)}" alt="{words}">'
+        self.blocks.append(f"<figure>{image}<figcaption>{words}</figcaption></figure>")
+        self.blocks.append(_command(command))
 
-    def _command(self, command: str) -> None:
-        if command:
-            self.blocks.append(f'<p class="command"><code>{html.escape(command)}</code></p>')
+
+def _command(command: str) -> str:
+    return f'<p class="command"><code>{html.escape(command)}</code></p>'
 
 
 def inside(drawn: Figure) -> str:
@@ -244,6 +216,16 @@ def _working_posture(arm: SpaceArm) -> Array:
     return Q[int(np.argmax(distance))]
 
 
+def _numbers(q: Array, between: str = ", ") -> str:
+    """Return joint positions as they are typed."""
+    return between.join(f"{x:.6g}" for x in q)
+
+
+def _at(q: Array) -> str:
+    """Return the expression of a posture."""
+    return f"arm.at([{_numbers(q)}])"
+
+
 def _python(about: str, expression: str) -> str:
     """Return a command that draws an expression of an arm."""
     name, *options = shlex.split(about)
@@ -255,32 +237,31 @@ def _python(about: str, expression: str) -> str:
 
 def _arm(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     section.show(arm.describe(), f"spacearm info {about}")
-    report, at = singularity(arm.at(q), exact=True), " ".join(f"{x:.6g}" for x in q)
+    report = singularity(arm.at(q), exact=True)
     section.picture(
         plot(report.configuration),
         "The working posture of this report.",
-        _python(about, f"arm.at([{at.replace(' ', ', ')}])"),
+        _python(about, _at(q)),
     )
-    section.show(report.describe(), f"spacearm query {about} {at}")
+    section.show(report.describe(), f"spacearm query {about} {_numbers(q, ' ')}")
 
 
 def _singular(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     found = singular_set(arm)
-    share = evaluate(arm, uniform(arm, True, SAMPLES, np.random.default_rng(1)), ("distance",))[
-        "distance"
-    ]
+    Q = uniform(arm, True, SAMPLES, np.random.default_rng(1))
+    share = evaluate(arm, Q, ("distance",))["distance"]
     near = [(bound, np.mean(share <= bound)) for bound in np.radians((1, 5, 10, 20))]
     section.show(found.describe())
     columns = (
         Column("postures within the limits nearer, to first order, than", "rad"),
         Column("share", "", ".2%"),
     )
-    section.table(Table(columns, near))
+    section.show(Table(columns, near))
     section.picture(
         plot(singular_map(arm, None, q, 121)),
         "Joint motion to a singular posture, to first order, over the two joints that change "
         "sigma_min most, the others as in the working posture.",
-        _python(about, f"sa.singular_map(arm, q=[{', '.join(f'{x:.6g}' for x in q)}])"),
+        _python(about, f"sa.singular_map(arm, q=[{_numbers(q)}])"),
     )
     section.picture(plot(found), "The singular set.", _python(about, "sa.singular_set(arm)"))
 
@@ -289,16 +270,16 @@ def _ranges(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     if beyond := arm.at(q).outside_limits:
         section.say(f"The working posture is beyond the limits of {', '.join(beyond)}.", "missing")
         return
-    box, at = free_box(arm.at(q)), " ".join(f"{x:.6g}" for x in q)
+    box = free_box(arm.at(q))
     section.say(
         "Joint ranges about the working posture in which no posture is singular: within them any "
         "motion of the joints is free, whoever plans it."
     )
-    section.show(box.describe(), f"spacearm box {about} {at}")
+    section.show(box.describe(), f"spacearm box {about} {_numbers(q, ' ')}")
     section.picture(
         plot(box),
         "The ranges (green) within the joint limits, or one turn.",
-        _python(about, f"sa.free_box(arm.at([{at.replace(' ', ', ')}]))"),
+        _python(about, f"sa.free_box({_at(q)})"),
     )
 
 
@@ -323,7 +304,6 @@ def _risk(section: Section, arm: SpaceArm, about: str) -> None:
 
 
 def _reaction(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
-    at = f"[{', '.join(f'{x:.6g}' for x in q)}]"
     reaches = [level_reach(arm.at(q), t, directions=_rays(arm)) for t in np.radians(TILTS)]
     reach = reaches[-1]
     section.say(
@@ -332,7 +312,7 @@ def _reaction(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
         "or a joint limit is met)."
     )
     lines = [found.straight for found in reaches]
-    section.table(
+    section.show(
         Table.by_columns(
             {
                 Column("turned by", "rad"): np.radians(TILTS),
@@ -341,12 +321,12 @@ def _reaction(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
                 Column("best", "m", ".4g"): [x.max() for x in lines],
             }
         ),
-        _python(about, f"sa.level_reach(arm.at({at}), {np.radians(TILTS[1]):.6g})"),
+        _python(about, f"sa.level_reach({_at(q)}, {np.radians(TILTS[1]):.6g})"),
     )
     section.picture(
         plot(reach),
         f"Where the tip goes with a turn of up to {TILTS[-1]:g}°.",
-        _python(about, f"sa.level_reach(arm.at({at}), {np.radians(TILTS[-1]):.6g})"),
+        _python(about, f"sa.level_reach({_at(q)}, {np.radians(TILTS[-1]):.6g})"),
     )
     bus = float(arm.model.inertias[1].mass)
     masses = [round(share * bus, 6) for share in HEAVIER]
@@ -356,9 +336,7 @@ def _reaction(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
         plot(envelope),
         "The same over the mass of the bus, whose inertia grows as mass^(5/3); on the right the "
         f"turn by {envelope.travel:g} m of the tip.",
-        _python(
-            about, f"sa.level_envelope(arm.at({at}), {[round(t, 6) for t in tilts]}, {masses})"
-        ),
+        _python(about, f"sa.level_envelope({_at(q)}, {[round(t, 6) for t in tilts]}, {masses})"),
     )
 
 
