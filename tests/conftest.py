@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a worker a core; read when numpy is imported
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else each process compiles all sources anew
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ if MOVED:
     np.random.default_rng = moved
 
 settings.register_profile(  # first examples load much
-    "spacearm", deadline=None, derandomize=not MOVED, max_examples=50
+    "spacearm", deadline=None, derandomize=not MOVED, max_examples=20
 )
 settings.load_profile("spacearm")
 

@@ -68,7 +68,7 @@ def columns(seed, m):
 
 
 @pytest.mark.parametrize("lanes", [1, 2, 4, 8])
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(programs(EXACT), st.integers(0, 1000), st.integers(1, 19))
 def test_without_contraction_machine_code_rounds_as_numpy(lanes, steps, seed, m):
     traced = trace(lambda a, b, c: run(steps, a, b, c), {"a": (), "b": (), "c": ()})
@@ -80,7 +80,6 @@ def test_without_contraction_machine_code_rounds_as_numpy(lanes, steps, seed, m)
         np.testing.assert_array_equal(np.signbit(value)[sure], np.signbit(expected)[sure])
 
 
-@settings(max_examples=40, deadline=None)
 @given(programs(EXACT), st.integers(0, 1000))
 def test_folding_keeps_the_values_of_finite_numbers(steps, seed):
     traced = trace(lambda a, b, c: run(steps, a, b, c), {"a": (), "b": (), "c": ()})
@@ -94,7 +93,6 @@ def test_folding_keeps_the_values_of_finite_numbers(steps, seed):
         np.testing.assert_array_equal(value[finite], np.broadcast_to(other, 9)[finite])
 
 
-@settings(max_examples=25, deadline=None)
 @given(programs(ARITHMETIC), st.integers(0, 1000), st.sampled_from([2, 4]))
 def test_contraction_stays_within_the_rounding_of_each_operation(steps, seed, lanes):
     traced = trace(lambda a, b, c: run(steps, a, b, c)[-1], {"a": (), "b": (), "c": ()})
@@ -131,7 +129,7 @@ def test_a_product_is_rounded_with_the_sum_it_stands_in(formula):
         np.testing.assert_array_equal(found, expected)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(programs(EXACT), st.integers(0, 1000))
 def test_all_widths_and_levels_give_the_same_bits(steps, seed):
     def function(a, b, c):

@@ -49,7 +49,6 @@ def test_mjcf_is_the_urdf(tmp_path_factory, seed, n):
 
 
 @given(seeds, st.integers(1, 7), st.sampled_from(["1.5", "1.6", "1.7", "1.9", "1.11"]))
-@settings(max_examples=25)
 def test_sdf_is_the_urdf(tmp_path_factory, seed, n, version):
     arm = load_text(random_tree(seed, n), tip=f"link_{n}", task=TASK)
     text = as_sdf(arm.tree, np.random.default_rng(seed), version)

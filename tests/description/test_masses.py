@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.arms import frame, joint, link, load_text, random_inertia, robot, seeds, two_links
-from hypothesis import given, settings
+from hypothesis import given
 
 import spacearm as sa
 
@@ -307,7 +307,6 @@ def test_notes_say_what_warnings_say_and_stay_with_the_arm():
 
 
 @given(seeds)
-@settings(max_examples=20, deadline=None)
 def test_a_massless_link_changes_nothing_but_its_own_mass(seed):
     """Momentum with a massless link is that of the bodies that are left, at their own twists."""
     rng = np.random.default_rng(seed)

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from helpers.arms import frame, joint, link, load_text, random_tree, robot, seeds, two_links
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import spacearm as sa
@@ -289,7 +289,6 @@ def test_a_link_and_a_joint_may_share_a_name():
 
 
 @given(seeds, st.integers(1, 8))
-@settings(max_examples=50)
 def test_the_model_is_the_one_that_pinocchio_reads(seed, n):
     text = random_tree(seed, n).replace('"continuous"', '"revolute"')
     ours = load_text(text, tip="link_1", task="position", joints="all").model

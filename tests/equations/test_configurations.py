@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.arms import chains, load_text, one_to_eight, random_tree, seeds, trees
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import spacearm as sa
@@ -26,7 +26,6 @@ def of(cfg, mode="free-floating"):
 
 
 @given(chains())
-@settings(max_examples=50)
 def test_the_jacobian_is_that_of_the_barycentric_route(cfg):
     J = kinematics.jacobian(numbers, *of(cfg), cfg.q)
     R = cfg.base.rotation
@@ -35,7 +34,6 @@ def test_the_jacobian_is_that_of_the_barycentric_route(cfg):
 
 
 @given(trees(), st.sampled_from(MODES), seeds)
-@settings(max_examples=50)
 def test_the_twist_of_the_tip_is_that_of_the_jacobian(cfg, mode, seed):
     dq = np.random.default_rng(seed).normal(size=cfg.arm.n)
     tree, p = of(cfg, mode)
@@ -46,7 +44,6 @@ def test_the_twist_of_the_tip_is_that_of_the_jacobian(cfg, mode, seed):
 
 
 @given(seeds, one_to_eight, st.sampled_from(("pose", "position", "x y")), st.sampled_from(MODES))
-@settings(max_examples=40)
 def test_the_distance_is_that_of_the_matrices(seed, n, task, mode):
     arm = load_text(random_tree(seed, n), tip=f"link_{n}", task=sa.Task(task, 0.7)
                     if task == "pose" else task, joints="all")  # fmt: skip
@@ -81,7 +78,6 @@ def test_the_way_out_is_the_gradient_of_sigma_min(name):
 
 
 @given(trees(), st.sampled_from(MODES), seeds)
-@settings(max_examples=25)
 def test_both_libraries_take_the_same_gradients(cfg, mode, seed):
     dq, F = np.random.default_rng(seed).normal(size=(2, 8))
     arm, twist = cfg.arm, kinematics.tip_twist
@@ -98,7 +94,6 @@ def test_both_libraries_take_the_same_gradients(cfg, mode, seed):
 
 
 @given(seeds, st.integers(3, 8), st.sampled_from(("pose", "position")))
-@settings(max_examples=30)
 def test_minors_seen_from_the_tip_are_those_of_the_jacobian(seed, n, task):
     """|det [B_f P_C]| = M^3 det D |det of the columns C of J*|."""
     task = sa.Task(task, 1.0) if task == "pose" else task

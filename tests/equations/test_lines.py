@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from helpers.arms import chosen, seeds
-from hypothesis import given, settings
+from hypothesis import given
 from scipy.spatial.transform import Rotation
 
 import spacearm as sa
@@ -17,7 +17,6 @@ from spacearm.motion.leading import Settings, _numbers, lead_all, lead_with_stop
 
 
 @given(seeds)
-@settings(max_examples=20)
 def test_least_solutions(seed):
     rng = np.random.default_rng(seed)
     k = int(rng.integers(1, 7))

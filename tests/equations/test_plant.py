@@ -18,7 +18,6 @@ from spacearm.mechanics.arm_kernels import ArmKernel, parameters_of, structure_o
 from spacearm.motion.plant import PassiveJoint
 from spacearm.motion.system import System, WantedEvent, prepared
 
-FEW = settings(max_examples=25)
 MODES = ("free-floating", "attitude-controlled", "fixed")
 
 
@@ -95,7 +94,6 @@ class Push:
 # --- equations ------------------------------------------------------------------------------
 
 
-@FEW
 @given(trees(), seeds, st.sampled_from(MODES))
 def test_accelerations_are_those_of_pinocchio(cfg, seed, mode):
     """Any tree, sliding and mimic joints, momentum, wrenches."""
@@ -133,7 +131,6 @@ def test_compiled_rates_with_wheels_and_thrusters(seed, mode):
     same_accelerations(cfg, f[3:6], known.ddq, tau, mode)
 
 
-@FEW
 @given(trees(), seeds)
 def test_accelerations_are_those_of_the_full_system_by_aba(cfg, seed):
     """No reduced form, no momentum assumed: Pinocchio's articulated bodies, 6 + n of them."""
@@ -187,7 +184,6 @@ def test_light_wrists_far_from_the_system_cm_keep_their_digits(name):
         np.testing.assert_allclose(f[n : 2 * n], a, atol=1e-13 * np.abs(a).max())
 
 
-@FEW
 @given(trees(), seeds, st.sampled_from(MODES))
 def test_power_is_the_rate_of_the_energy(cfg, seed, mode):
     """Springs, friction and a wrench: differences of what `observe` reports along the rate."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.arms import load_text, random_chain, seeds
-from hypothesis import given, settings
+from hypothesis import given
 
 from spacearm.compiler import numbers
 from spacearm.equations.reach import bound, place
@@ -24,7 +24,6 @@ def distance(arm, q, mode):
     return float(np.linalg.norm(cfg.tip.translation - centre))
 
 
-@settings(max_examples=20)
 @given(seeds)
 def test_the_chain_is_the_arm(seed):
     arm, q, half, _ = random_box(seed, 2 + seed % 4)
@@ -35,7 +34,6 @@ def test_the_chain_is_the_arm(seed):
         assert np.linalg.norm(at.p) == pytest.approx(distance(arm, q, mode), abs=1e-13 * size)
 
 
-@settings(max_examples=20)
 @given(seeds)
 def test_derivatives_are_those_of_the_tip_and_the_rest_bounds_what_they_leave(seed):
     arm, q, half, rng = random_box(seed, 2 + seed % 4)
@@ -54,7 +52,6 @@ def test_derivatives_are_those_of_the_tip_and_the_rest_bounds_what_they_leave(se
         assert missed <= here.rest[0] + 1e-13 * size
 
 
-@settings(max_examples=20)
 @given(seeds)
 def test_no_point_of_a_box_passes_its_bounds(seed):
     arm, q, half, rng = random_box(seed, 2 + seed % 4)

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from helpers.arms import seeds
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from spacearm.compiler import numbers, symbols
@@ -50,7 +50,6 @@ sizes = st.integers(1, 6), st.integers(0, 3), st.floats(0, 14)
 
 
 @given(seeds, *sizes)
-@settings(max_examples=40)
 def test_singular_values_are_those_of_numpy(seed, k, more, decades):
     """To 2e-14 of the largest; of nearly equal ones too, which are told apart by no more."""
     J = spectra(seed, k, k + more, decades)
@@ -75,7 +74,6 @@ def test_nearly_equal_singular_values(apart):
 
 
 @given(seeds, *sizes)
-@settings(max_examples=40)
 def test_vectors_belong_to_the_least_singular_value(seed, k, more, decades):
     J = spectra(seed, k, k + more, decades)
     J = J[np.abs(J).max(axis=(1, 2)) > 0.0]
@@ -112,7 +110,6 @@ def test_nothing_that_is_not_a_number_hides():
     assert np.delete(sigma, 7).tolist() == np.delete(clean, 7).tolist()
 
 
-@settings(max_examples=20)
 @given(seeds)
 def test_graded_bidiagonal_matrices_keep_relative_accuracy(seed):
     """B is bidiagonal already: its least singular value has all digits, over 60 decades."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.arms import chains, load_text, random_chain, seeds, trees
 from helpers.reference import planar_singularity
-from hypothesis import given, settings
+from hypothesis import given
 
 import spacearm as sa
 from spacearm.compiler import numbers
@@ -51,7 +51,6 @@ def assert_all_the_same(arm, q, rng):
     assert_same(at(arm, "tip_rotation", q), np.squeeze(rotations))
 
 
-@settings(max_examples=25)
 @given(trees(), seeds)
 def test_random_trees(cfg, seed):
     """Turning, sliding and mimic joints, branches."""
@@ -104,7 +103,6 @@ def test_S_of_six_joints_is_the_polynomial_times_a_constant():
     np.testing.assert_allclose(ratio[size > 1e-3], ratio[np.argmax(size)], rtol=1e-10, atol=0)
 
 
-@settings(max_examples=25)
 @given(chains())
 def test_S_of_redundant_arms_is_the_sum_of_squared_minors(cfg):
     arm, J = cfg.arm, task_jacobian(cfg)

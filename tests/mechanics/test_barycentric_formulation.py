@@ -37,13 +37,12 @@ def test_both_routes_agree_on_every_model(info):
 
 
 @given(chains())
-@settings(max_examples=250)
+@settings(max_examples=60)
 def test_both_routes_agree_on_random_chains(cfg):
     assert agreement(cfg) < 1e-12
 
 
 @given(chains())
-@settings(max_examples=50)
 def test_identities_of_the_paper(cfg):
     b = sa.barycentric(cfg)
     N = len(b.rho) - 1
@@ -65,7 +64,6 @@ def test_identities_of_the_paper(cfg):
 
 
 @given(chains())
-@settings(max_examples=50)
 def test_virtual_manipulator_ends_at_the_tip(cfg):
     b = sa.barycentric(cfg)
     vm = b.virtual_manipulator
@@ -76,7 +74,6 @@ def test_virtual_manipulator_ends_at_the_tip(cfg):
 
 
 @given(chains())
-@settings(max_examples=30)
 def test_virtual_manipulator_has_constant_links_and_its_own_jacobian(cfg):
     """Held by its first link, it moves its end as its links turning about the axes say."""
     vm = sa.barycentric(cfg).virtual_manipulator

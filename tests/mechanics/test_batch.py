@@ -9,7 +9,7 @@ import textwrap
 import numpy as np
 import pytest
 from helpers.arms import joint, link, load_text, one_to_eight, random_tree, robot, seeds
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import spacearm as sa
@@ -90,7 +90,6 @@ def test_distances_agree_with_one_at_a_time(name, rng):
 
 
 @given(seeds, one_to_eight, tasks)
-@settings(max_examples=25)
 def test_distances_agree_on_trees_with_sliding_and_mimic_joints(seed, n, task):
     rows = sa.Task(task)
     arm = load_text(

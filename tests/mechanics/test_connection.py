@@ -21,7 +21,6 @@ def whole_tree(seed, n):
 
 
 @given(seeds, one_to_eight)
-@settings(max_examples=20)
 def test_reactions_on_random_trees(seed, n):
     arm = whole_tree(seed, n)
     Q = np.random.default_rng(seed).uniform(-4, 4, (9, arm.n))

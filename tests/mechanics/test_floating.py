@@ -12,7 +12,6 @@ from spacearm.mechanics import floating as reaction
 
 
 @given(trees())
-@settings(max_examples=20)
 def test_moving_agrees_with_an_independent_integration_of_momentum(cfg):
     """scipy integrates the pose from `base_velocity`; `move` has its own way."""
     target = cfg.q + np.random.default_rng(1).uniform(-1, 1, cfg.arm.n)

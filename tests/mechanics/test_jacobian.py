@@ -13,7 +13,7 @@ from helpers.arms import (
     random_configuration,
     trees,
 )
-from hypothesis import given, settings
+from hypothesis import given
 
 import spacearm as sa
 
@@ -80,7 +80,6 @@ def test_a_heavy_spacecraft_is_a_fixed_base():
 
 @pytest.mark.parametrize("mode", MODES)
 @given(cfg=trees())
-@settings(max_examples=30)
 def test_derivative_agrees_with_central_differences(mode, cfg):
     h = 1e-5
     steps = np.eye(cfg.arm.n) * h
@@ -100,7 +99,6 @@ def test_derivative_agrees_with_central_differences(mode, cfg):
 
 
 @given(trees())
-@settings(max_examples=30)
 def test_rate_is_the_change_along_the_motion(cfg):
     rng = np.random.default_rng(3)
     dq, momentum, h = rng.normal(size=cfg.arm.n), rng.normal(size=6), 1e-5
@@ -115,7 +113,6 @@ def test_rate_is_the_change_along_the_motion(cfg):
 
 
 @given(chains())
-@settings(max_examples=30)
 def test_attitude_control_and_a_fixed_base_do_what_they_say(cfg):
     dq = np.random.default_rng(0).normal(size=cfg.arm.n)
     A_q = sa.momentum_matrix(cfg).A_q

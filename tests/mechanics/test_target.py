@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
@@ -83,7 +83,6 @@ def test_motions_near_the_spin_about_the_middle_axis(off):
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=50)
 def test_momentum_and_energy_stay_and_the_start_is_the_start(seed):
     """Momentum along inertial axes and energy at any time; the attitude at 0; R' = [w]x R."""
     rng = np.random.default_rng(seed)
@@ -117,7 +116,6 @@ def test_elliptic_functions_to_forty_digits(m1):
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=20)
 def test_drift_in_orbit_is_that_of_the_tide_in_inertial_axes(seed):
     """r'' = -n^2 (r - 3 u (u.r)), u the radial direction, which turns with the orbit."""
     rng = np.random.default_rng(seed)
@@ -169,7 +167,6 @@ def test_twists_are_the_derivatives_of_poses(frame, orbit):
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=30)
 def test_no_point_moves_farther_than_the_bound(seed):
     """`Target.moved` bounds the way of any point between two times."""
     rng = np.random.default_rng(seed)

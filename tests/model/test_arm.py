@@ -20,7 +20,7 @@ from helpers.arms import (
     seeds,
     two_links,
 )
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import spacearm as sa
@@ -105,7 +105,6 @@ def test_a_mixed_task_needs_a_length():
 
 
 @given(seeds, st.integers(2, 8))
-@settings(max_examples=50)
 def test_locking_is_welding(seed, n):
     text = random_tree(seed, n)
     free = load_text(text, tip=f"link_{n}", task="position", joints="all")

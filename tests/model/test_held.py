@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from helpers.arms import LIMIT, joint, link, load_text, random_tree, robot, seeds, two_links
-from hypothesis import given, settings
+from hypothesis import given
 
 import spacearm as sa
 
@@ -137,7 +137,6 @@ def test_what_mimics_a_held_joint_is_held_with_it():
 
 
 @given(seeds)
-@settings(max_examples=40)
 def test_holding_is_locking(seed):
     n = 1 + seed % 7
     text, tip = random_tree(seed, n), f"link_{n}"

@@ -21,7 +21,7 @@ from helpers.arms import (
     seeds,
     two_links,
 )
-from hypothesis import given, settings
+from hypothesis import given
 from scipy.spatial.transform import Rotation
 
 import spacearm as sa
@@ -151,7 +151,6 @@ def test_a_bus_that_cannot_be_is_refused(bus, message):
 
 @pytest.mark.filterwarnings("ignore:.*density:spacearm.errors.ModelWarning")
 @given(seeds)
-@settings(max_examples=30)
 def test_mounting_is_what_pinocchio_appends(seed):
     """A random arm on a random bus, against pin.appendModel."""
     rng = np.random.default_rng(seed)
@@ -177,7 +176,6 @@ def test_mounting_is_what_pinocchio_appends(seed):
 
 
 @given(seeds)
-@settings(max_examples=30)
 def test_a_written_tree_is_read_to_the_same_numbers(seed):
     """Any joints, mimic joints among them, limits, some joints locked, masses changed."""
     rng = np.random.default_rng(seed)

@@ -13,7 +13,7 @@ from helpers.arms import (
     random_tree,
     seeds,
 )
-from hypothesis import given, settings
+from hypothesis import given
 
 import spacearm as sa
 
@@ -34,7 +34,6 @@ def dual(seed=1, tip=("left", "right")) -> sa.Configuration:
 
 
 @given(seeds)
-@settings(max_examples=30)
 def test_stacked_rows_are_the_single_ones(seed):
     rng = np.random.default_rng(seed)
     text = random_tree(seed, 5)
@@ -100,7 +99,6 @@ def test_the_second_arm_locked_is_a_single_arm_with_its_mass_lumped(base):
 
 
 @given(seeds)
-@settings(max_examples=30)
 def test_prescribed_rates_and_momentum_move_the_tip_as_differences_do(seed):
     rng = np.random.default_rng(seed)
     arm = load_text(random_tree(seed, 5), tip="link_5", task="position", joints="all")

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from helpers.arms import chosen, joint, link, load_text, random_base, robot, seeds, two_links
 from helpers.wheels import FREE, WHEELS, with_wheels
-from hypothesis import given, settings
+from hypothesis import given
 
 import spacearm as sa
 
@@ -29,7 +29,6 @@ def pair(seed: int):
 
 
 @given(seeds)
-@settings(max_examples=40)
 def test_the_spacecraft_moves_as_with_the_wheels_as_joints(seed):
     full, dq, cfg, rates, mine, _ = pair(seed)
     assert cfg.arm.n == full.arm.n - 3
@@ -44,7 +43,6 @@ def test_the_spacecraft_moves_as_with_the_wheels_as_joints(seed):
 
 
 @given(seeds)
-@settings(max_examples=40)
 def test_total_momentum_is_base_arm_and_wheels(seed):
     full, dq, cfg, rates, _, h = pair(seed)
     A_b, A_q = sa.momentum_matrix(cfg)
@@ -54,7 +52,6 @@ def test_total_momentum_is_base_arm_and_wheels(seed):
 
 
 @given(seeds)
-@settings(max_examples=40)
 def test_torques_and_accelerations_are_those_with_the_wheels_driven_at_constant_rates(seed):
     full, dq, cfg, rates, mine, _ = pair(seed)
     ddq = np.zeros(full.arm.n)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from spacearm.compiler import numbers
@@ -32,7 +32,6 @@ def test_random_polynomials_have_the_roots_that_eigenvalues_give(d):
     np.testing.assert_allclose(found, wanted, atol=1e-7)
 
 
-@settings(max_examples=30)
 @given(
     st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=6, unique_by=lambda q: round(q, 1)),
     st.lists(st.tuples(st.floats(0.2, 0.9), st.floats(-3.0, 3.0)), max_size=1),

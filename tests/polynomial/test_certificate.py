@@ -45,7 +45,6 @@ def point(q0, q1, t) -> list[mp.mpf]:
 
 
 @given(seeds, degrees, st.floats(0.0, 14.0), st.floats(-100.0, 100.0))
-@settings(max_examples=60)
 def test_values_are_within_their_noise(seed, degrees, spread, far):
     rng = np.random.default_rng(seed)
     f = random_polynomial(rng, degrees, spread)
@@ -54,7 +53,6 @@ def test_values_are_within_their_noise(seed, degrees, spread, far):
 
 
 @given(seeds, degrees, st.floats(-3.0, 3.0))
-@settings(max_examples=40)
 def test_series_along_a_segment_are_within_their_noise(seed, degrees, length):
     """Also along thousands of radians of one joint, while others hardly move."""
     rng = np.random.default_rng(seed)
@@ -94,7 +92,6 @@ def test_halving_ends_where_no_number_lies_between():
 
 
 @given(seeds, degrees, st.floats(0.0, 14.0), st.integers(3, 18), st.booleans())
-@settings(max_examples=50)
 def test_a_segment_through_a_root_is_never_free(seed, degrees, spread, digits, tangent):
     """Also where it nearly touches the set, in the direction of the tangent plane."""
     rng = np.random.default_rng(seed)
@@ -131,7 +128,6 @@ def nearest_to(q0, q1, q):
 
 
 @given(seeds, st.integers(2, 3))
-@settings(max_examples=30)
 def test_several_polynomials_are_free_where_one_is(seed, n):
     rng = np.random.default_rng(seed)
     family = [random_polynomial(rng, [1] * n, 1.0) for _ in range(2)]

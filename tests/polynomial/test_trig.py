@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.arms import seeds
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import spacearm as sa
@@ -145,7 +145,6 @@ def test_distinct_angles_across_the_cut_are_one():
 
 
 @given(seeds, degrees, st.floats(1e-4, 1.0))
-@settings(max_examples=60)
 def test_bounds_and_signs_hold(seed, degrees, width):
     f = random_polynomial(seed, degrees)
     rng = np.random.default_rng(seed)
@@ -161,7 +160,6 @@ def test_bounds_and_signs_hold(seed, degrees, width):
 
 
 @given(seeds, st.lists(st.integers(0, 3), min_size=1, max_size=4), st.data())
-@settings(max_examples=40)
 def test_blocks_of_a_grid_are_its_values(seed, degrees, data):
     """Whatever the shape and the threads; also where a block holds part of an axis."""
     f = random_polynomial(seed, degrees)

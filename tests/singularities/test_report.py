@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from helpers import reference
 from helpers.arms import chains, load_text, random_base, random_chain, random_configuration, trees
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from scipy.optimize import brentq
 
 import spacearm as sa
@@ -85,7 +85,6 @@ def test_attitude_does_not_matter(cfg):
 
 
 @given(chains())
-@settings(max_examples=50)
 def test_gradient_agrees_with_central_differences(cfg):
     report = sa.singularity(cfg)
     gaps = np.append(np.abs(np.diff(report.sigma)), report.sigma_min)
