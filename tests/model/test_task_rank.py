@@ -65,9 +65,10 @@ def test_a_task_is_impossible_where_the_jacobian_never_has_full_rank(seed, n, ki
     ],
 )
 def test_special_arms_are_told_apart_as_random_ones(text):
+    read = load_text(text, task="z")
     for count in (1, 2, 3, 6):
         for rows in combinations(ROWS, count):
-            arm = load_text(text, task=sa.Task(" ".join(rows), length=_length(rows)))
+            arm = read.replace(task=sa.Task(" ".join(rows), length=_length(rows)))
             for mode in MODES:
                 fault = impossible(arm, mode)
                 assert bool(fault) == (ranks(arm, mode) < count)
