@@ -15,7 +15,9 @@ with braking instead. Braking is always allowed by what held a tick before.
 The distance is that to singular postures that are followed from tick to tick: three, the nearest
 that are known, and four scouts that set out from the first-order estimate and at random, and take
 the place of the farthest, or of one close by, when they come to rest nearer. So each of them is
-found, and the nearest of all is no farther. Each goes towards the point nearest to the arm's
+found, and the nearest of all is no farther. Where the set folds, steps along it may come to rest
+nowhere: a scout that is so near to the arm, and to the set beside it, that something nearer must be
+there is followed as it is. Each goes towards the point nearest to the arm's
 posture on the set linearised at itself. Where the set bends more than the sphere about the posture,
 whole steps would lead ever farther away, so that each takes the share of its way by which the last
 two ways would have become least: Barzilai & Borwein, IMA J. Numer. Anal. 8(1), 141-148 (1988), DOI
@@ -56,13 +58,14 @@ LOST, AT_REST, APART, STRIDE = 0.1, 0.02, 0.05, 0.4
 #: Share of the way that the first step takes, and the least; square of the changes of a way below
 #: which the share is that of the first [rad^2].
 SHARE, LEAST, SMOOTH = 0.7, 0.02, 1e-5
-#: Share of the distance of one that a scout must be nearer than to be followed instead.
-NEARER = 0.99
+#: Share of the distance of one that a scout must be nearer than to be followed instead; how often
+#: its residual counts as long as it does not rest.
+NEARER, DOUBTED = 0.99, 3.0
 #: Scouts set out within this times the distance, `stop` or `slow` if that is more, and no farther
 #: than that [rad].
 BEYOND, WITHIN = 1.2, 1.5
 #: Shares of `stop` beyond it where rates towards the set end, and before which an arm can stop.
-EDGE, MARGIN = 0.02, 0.01
+EDGE, MARGIN = 0.04, 0.02
 #: Share of the rates that leads out within that edge.
 OUTWARD = 0.1
 #: Share of the accelerations that is left to turn by, and taken up by what the wish changes.
@@ -416,6 +419,7 @@ def _follow(
     for i, start in zip(range(KEPT, SLOTS), starts, strict=True):
         scout = found[i]
         rests = xp.logical_and(sizes[i] < np.inf, _norm(xp, scout.way) < AT_REST)
+        bound = xp.where(sizes[i] < np.inf, _bound(xp, scout), np.inf)
         worst, place = sizes[0], 0.0 * limits.stop
         for j in range(1, KEPT):
             farther = sizes[j] > worst
@@ -425,7 +429,8 @@ def _follow(
             close = xp.logical_and(sizes[j] < np.inf, close)
             worst = xp.where(close, NEARER * sizes[j], worst)
             place = xp.where(close, 1.0 * j, place)
-        takes = xp.logical_and(rests, sizes[i] < worst)
+        sure = xp.logical_and(bound < NEARER * nearest, bound < worst)
+        takes = xp.where(rests, sizes[i] < worst, sure)
         for j in range(KEPT):
             mine = xp.logical_and(takes, xp.absolute(place - j) < 0.5)
             found[j] = _either(xp, mine, scout, found[j])
@@ -437,7 +442,8 @@ def _follow(
     known = []
     for j in range(KEPT):
         there = sizes[j] < np.inf
-        offset = xp.where(there, found[j].offset, 0.0)
+        whole = found[j].offset
+        offset = xp.where(there, _at_most(xp, _norm(xp, whole), sizes[j]) * whole, 0.0)
         known.append(found[j]._replace(offset=offset, far=xp.where(there, sizes[j], np.inf)))
         ages[j] = xp.where(there, 0.0, 1.0 + PATIENCE)
         lost = found[j]._replace(point=x)
@@ -457,7 +463,12 @@ def _either(xp: Any, mask: Any, one: Followed, other: Followed) -> Followed:
 def _size(xp: Any, one: Followed, age: Any) -> Any:
     """Return how far a posture on the set is, inf of one that is not on it or not in use."""
     on = xp.logical_and(one.far < LOST, age < 1.0 + PATIENCE)
-    return xp.where(on, _norm(xp, one.offset), np.inf)
+    return xp.where(on, xp.minimum(_norm(xp, one.offset), _bound(xp, one)), np.inf)
+
+
+def _bound(xp: Any, one: Followed) -> Any:
+    """Return how far the set may be at most by what one saw, wherever it comes to rest."""
+    return _norm(xp, one.offset - one.way) + DOUBTED * one.far
 
 
 def _chance(xp: Any, number: Any, n: int) -> Any:

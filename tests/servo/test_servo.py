@@ -9,6 +9,7 @@ from spacearm.compiler import numbers
 from spacearm.equations import servo as ticks
 from spacearm.equations.servo import packed
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
+from spacearm.mechanics.distance import linearise
 from spacearm.singularities.nearest import NearestSearch, distances_found
 
 DT = 0.01
@@ -173,8 +174,16 @@ def test_what_is_told_at_rest_is_what_a_search_finds():
     Q, rest = rng.uniform(-2.0, 2.0, (m, arm.n)), np.zeros((m, 6))
     memory = np.array([packed(ticks.unknowing(arm.n, q)) for q in Q])
     seen = np.concatenate((Q, np.tile(LEVEL, (m, 1)), rest, np.full((m, 1), DT), rest), axis=1)
-    for _ in range(ticks.SEARCH + 1):
+    for i in range(ticks.SEARCH + 1):
         found = servo._kernel({"given": np.concatenate((seen, memory), axis=1)}, servo._numbers)
+        if 2 < i < 12:  # nothing that a scout is about to find is nearer than what is told
+            known = [ticks.unpacked(ticks.Memory, one, arm.n, 1) for one in memory]
+            points = np.array([one.points for one in known])
+            far = linearise(arm, points.reshape(-1, arm.n)).distance.reshape(m, -1)
+            used = np.array([one.ages for one in known]) <= ticks.PATIENCE
+            sure = np.linalg.norm(points - Q[:, None], axis=2) + ticks.DOUBTED * far
+            sure[~used | (far >= ticks.LOST)] = np.inf
+            assert (found[:, arm.n] <= sure.min(axis=1) / ticks.NEARER + 1e-6).all()
         memory = found[:, tick:]
     ends = [NearestSearch(arm, "free-floating", q[None]).nearest() for q in Q]
     error = found[:, arm.n] - np.linalg.norm(ends, axis=1)

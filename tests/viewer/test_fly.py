@@ -90,3 +90,45 @@ def test_keys_lead_the_tip_and_the_end_is_a_motion(browser):
     assert page.errors == []
     page.close()
     viewer.close()
+
+
+@pytest.mark.slow
+def test_a_stick_leads_the_tip_and_with_a_shoulder_button_turns_it(browser):
+    cfg = sa.load("planar3").at(np.radians([20.0, 60.0, 60.0]))
+    viewer = sa.view(cfg, open=False)
+    viewer.session.fly = True
+    page = Page(browser, viewer.serve(), width=1300, height=800).ready()
+
+    def pad(axes, *pressed):
+        held = [{"pressed": i in pressed} for i in range(6)]
+        given = [None, {"axes": axes, "buttons": held}]  # the first place is of one pulled out
+        page.page.evaluate("pads => { navigator.getGamepads = () => pads; }", given)
+
+    def gone(since):
+        here = viewer.configuration.tip
+        turned = here.rotation @ since.rotation.T
+        return here.translation - since.translation, np.arctan2(turned[1, 0], turned[0, 0])
+
+    def rested():
+        pad([0.05, -0.1, 0.0, 0.1])  # a stick that rests is never quite at zero
+        last = None
+        while last is None or not np.array_equal(viewer.configuration.q, last):
+            last = viewer.configuration.q
+            page.page.wait_for_timeout(400)
+        return viewer.configuration.tip
+
+    pad([0.0, -1.0, 0.0, 0.0])
+    page.until(lambda: gone(cfg.tip)[0][0] > 0.05, 120.0)
+    here = rested()
+    way, angle = gone(cfg.tip)
+    assert max(abs(way[1]), abs(angle)) < 0.1 * way[0]
+    pad([0.0, 0.0, 0.0, -1.0], 5)
+    page.until(lambda: gone(here)[1] > 0.05, 120.0)
+    rested()
+    way, angle = gone(here)
+    assert np.linalg.norm(way) < 0.1 * angle
+    page.page.click("#fly")
+    page.page.wait_for_selector("#motion:not([hidden])")
+    assert page.errors == []
+    page.close()
+    viewer.close()
