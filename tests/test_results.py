@@ -98,6 +98,13 @@ def led_target():
     return target.follow([target.target.pose * sa.pose((0.2 * far, 0, 0))], limits=False)
 
 
+def planned_target():
+    target, far = roomy(tries=1)
+    return target.plan(
+        target.target.pose * sa.pose((0.2 * far, 0, 0)), constraints=sa.Constraints(limits=False)
+    )
+
+
 def run_of_target():
     target, _ = roomy(tries=1)
     law = sa.JointPD(target.q, kp=0.1, kd=0.1)
@@ -183,6 +190,7 @@ RESULTS = {
     "SpaceArm": arm,
     "Study": lambda: sa.Study.parse(STUDY),
     "Task": lambda: arm().task,
+    "TargetPlan": planned_target,
     "TargetRun": run_of_target,
     "Trajectory": run,
     "TransposedJacobian": lambda: sa.TransposedJacobian(target=(1.0, 1.0), kp=5.0, kd=9.0),

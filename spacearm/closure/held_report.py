@@ -15,8 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, Progress
-from spacearm.closure.closed_motions import ClosedMotions, closed_motions
-from spacearm.closure.closing import Closure, named, placed
+from spacearm.closure.closing import ClosedMotions, Closure, closed_motions, named, placed
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.distance import Linearisation, RankDistances, project, rank_distances
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative

@@ -19,6 +19,7 @@ from spacearm.arrays import Array, Progress, generator
 from spacearm.closure.closing import Closure, Gaps, named, placed
 from spacearm.closure.held_report import ClosedMap, HeldReport, closed_map, held_report
 from spacearm.closure.target_paths import Carrying, FollowedTarget, Frame, follow_target
+from spacearm.closure.target_plans import TargetPlan, plan_target
 from spacearm.closure.target_runs import TargetRun, simulate_target
 from spacearm.collisions.obstacles import ObstacleLike
 from spacearm.collisions.separation import CollisionReport, contacts_of
@@ -34,6 +35,7 @@ from spacearm.motion.controllers import Controller
 from spacearm.motion.following import Path
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import Integration
+from spacearm.planning.request import Constraints, Search
 from spacearm.results import Column, Description, Measure, Result, Table, joint_measures
 from spacearm.signatures import checked
 from spacearm.singularities.report import TOLERANCE
@@ -195,6 +197,46 @@ class Held(Result):
         return follow_target(
             self._carrying, path, frame=frame, mode=mode, length=length, speed=speed, times=times,
             at_rest=at_rest, rest=rest, limits=limits, progress=progress,
+        )  # fmt: skip
+
+    def plan(
+        self,
+        goal: PoseLike,
+        *,
+        frame: Frame = "inertial",
+        mode: BaseMode = FLOATING,
+        constraints: Constraints = Constraints(),
+        search: Search = Search(),
+    ) -> TargetPlan:
+        """Plan a motion that leads the target to a pose, past obstacles and singular postures.
+
+        A tree of straight ways of the target, of which those that arrive are shortened. All grasps
+        are kept. Of arms with redundant joints the internal motion is that of least joint rates.
+
+        Args:
+            goal: The pose of the target's frame.
+            frame: Where it is given: in the "inertial" frame, or in that of the "spacecraft" at the
+                end. Ways are straight in it.
+            mode: What the spacecraft does; see `generalized_jacobian`.
+            constraints: What must hold; see `plan`. `clearance` is along closure and to first
+                order. Limits, clearance and `keep_attitude` hold at the rows. It is proven that
+                no bodies meet on the way; hands may touch the target.
+            search: Seed, timeout and progress; there is one method.
+
+        Returns:
+            The motion, within the joint rates, smooth, at rest at each corner.
+
+        Raises:
+            ConfigurationError: An argument does not make sense, or the start is singular or, where
+                limits count, beyond them.
+            UnsupportedError: The fixed world is held, there is momentum, or there are fewer joints
+                than rows of all tips.
+            NoSolutionError: No way was found in time, or the start does not keep the constraints;
+                says what stopped most branches. `best` is the way that came nearest, if any did.
+        """
+        return plan_target(
+            self._carrying, sound_pose(goal, "goal"), frame=frame, mode=mode,
+            constraints=constraints, search=search,
         )  # fmt: skip
 
     def simulate(

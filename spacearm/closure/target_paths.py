@@ -21,8 +21,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.closure.closed_motions import closed_motions
-from spacearm.closure.closing import Closure, Gaps
+from spacearm.closure.closing import Closure, Gaps, closed_motions
 from spacearm.closure.held_report import closed_distances
 from spacearm.description.tree import free_name
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
@@ -141,6 +140,8 @@ HELD: Mapping[str, Quantity] = {
     "gap_angle": Quantity("rad"),
     "closure_distance": Quantity("rad"),
 }
+#: What is not checked between the rows of it.
+BETWEEN = "closure, limits and distances between the rows"
 
 
 class FollowedTarget(Followed, kw_only=True):
@@ -163,7 +164,10 @@ class FollowedTarget(Followed, kw_only=True):
 
     QUANTITIES: ClassVar[Mapping[str, Quantity]] = {**Followed.QUANTITIES, **HELD}
 
-    not_checked = "collisions; closure, limits and distances between the rows"
+    @property
+    def not_checked(self) -> str:
+        """What the answer does not cover."""
+        return f"collisions; {BETWEEN}"
 
     def describe(self) -> Description:
         """Describe the motion, why it ended, and what closure does on the way."""
@@ -303,11 +307,7 @@ def follow_target(
     led, last, place = rows_along(start, pieces, pace, curve, progress)
     behind, whole = lengths_of(seen, led.s, pieces, timed)
     return FollowedTarget(
-        arm=arm,
-        mode=mode,
         t=led.s / pace,
-        **samples(led.rows),
-        **carried_along(start, len(led.rows)),
         s=behind,
         length=whole,
         ended=last.kind,
@@ -315,6 +315,17 @@ def follow_target(
         dq=led.dq,
         ddq=led.ddq,
         jumps=led.jumps,
-        closure_distance=np.array([carrying.distance(cfg, mode) for cfg in led.rows]),
-        **carrying.account(led.rows),
+        **told(carrying, mode, led.rows),
     )
+
+
+def told(carrying: Carrying, mode: BaseMode, rows: Sequence[Configuration]) -> dict[str, Any]:
+    """Return what rows tell by themselves of a motion with a held target, by its fields."""
+    return {
+        "arm": carrying.arm,
+        "mode": mode,
+        **samples(rows),
+        **carried_along(carrying.start, len(rows)),
+        "closure_distance": np.array([carrying.distance(cfg, mode) for cfg in rows]),
+        **carrying.account(rows),
+    }

@@ -24,7 +24,7 @@ import pinocchio as pin
 from scipy.integrate import DOP853
 
 from spacearm.arrays import Array, finite, positive
-from spacearm.closure.closed_motions import carried
+from spacearm.closure.closing import carried
 from spacearm.closure.target_paths import HELD, Carrying, gaps_table
 from spacearm.compiler import numbers
 from spacearm.equations.laws import quaternion_rate

@@ -16,7 +16,7 @@ import pinocchio as pin
 from spacearm.description.bodies import Joint
 from spacearm.description.grippers import fingers
 from spacearm.description.tree import Loop, Tree, free_name
-from spacearm.errors import ConfigurationError, ModelError, listed, unknown
+from spacearm.errors import ConfigurationError, ModelError, listed, unknown, warn
 
 #: What a loop holds that holds the fixed world.
 WORLD = ""
@@ -148,6 +148,15 @@ def open_loops(tree: Tree, tips: Sequence[str]) -> str:
             f"takes the tips {listed(tips)} as free"
         )
     return f"equalities or joints that close a loop are left out, the loop open: {names}"
+
+
+def warn_of_lost_loops(tree: Tree, path: object) -> None:
+    """Say which loops a file that is written does not hold, if there are any."""
+    if tree.loops:
+        warn(
+            f"{path}: loops are not written: {listed([loop.name for loop in tree.loops])}; the "
+            "chain is open there, and sa.hold(start, target, grasps) closes it by grasps"
+        )
 
 
 def with_ball_joints(tree: Tree, path: object) -> Tree:

@@ -14,6 +14,7 @@ from lxml import etree
 from lxml.builder import E
 
 from spacearm.description.bodies import Joint, Mimic
+from spacearm.description.loops import warn_of_lost_loops
 from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere
 from spacearm.files import write
 from spacearm.model.arm import SpaceArm
@@ -46,6 +47,9 @@ def to_mjcf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
     Raises:
         SpaceArmError: The file cannot be written.
 
+    Warns:
+        ModelWarning: Loops of a closed chain are not written.
+
     Example:
         >>> import spacearm as sa
         >>> path = sa.to_mjcf(sa.load("planar2"), "planar2.xml")
@@ -53,6 +57,7 @@ def to_mjcf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
         SpaceArm(planar2: 2 joints, 47 kg, tip 'tip', task 'x y')
     """
     bodies = _bodies(arm)
+    warn_of_lost_loops(arm.whole, path)
     elements: list[etree._Element] = []
     for body in bodies:
         element = _mjcf_body(body)
@@ -90,6 +95,9 @@ def to_sdf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
     Raises:
         SpaceArmError: The file cannot be written.
 
+    Warns:
+        ModelWarning: Loops of a closed chain are not written.
+
     Example:
         >>> import spacearm as sa
         >>> path = sa.to_sdf(sa.load("planar2"), "planar2.sdf")
@@ -97,6 +105,7 @@ def to_sdf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
         SpaceArm(planar2: 2 joints, 47 kg, tip 'tip', task 'x y')
     """
     bodies = _bodies(arm)
+    warn_of_lost_loops(arm.whole, path)
     parts: list[etree._Element] = []
     for body in bodies:
         before = bodies[body.parent].name if body.parent is not None else ""

@@ -17,7 +17,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, finite, plain, read_only
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.grippers import held_fingers
-from spacearm.description.loops import open_loops, with_ball_joints
+from spacearm.description.loops import open_loops, warn_of_lost_loops, with_ball_joints
 from spacearm.description.model_catalogue import holding
 from spacearm.description.tips import Counting, Tips, choose_tips, hold, only_tip, remaining
 from spacearm.description.tree import Tree, Wheels, coupling, joint_limits
@@ -369,7 +369,11 @@ class SpaceArm(JointSpace, Described):
 
         Raises:
             SpaceArmError: The file cannot be written.
+
+        Warns:
+            ModelWarning: Loops of a closed chain are not written.
         """
+        warn_of_lost_loops(self.whole, path)
         return write(Path(path), document(self.whole, self.tips))
 
     def to_dict(self) -> dict[str, Any]:

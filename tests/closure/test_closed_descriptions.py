@@ -29,7 +29,14 @@ def loaded(text, folder, suffix, **options):
         return sa.load(path, task=POSE, **options)
 
 
-def mjcf(arm, rng, grasps, equalities, freely="<freejoint/>"):
+#: Three slides and three hinges, by which a base floats as well.
+SLIDES = "".join(
+    f'<joint name="base_{kind}_{i}" type="{kind}" axis="{axis}"/>'
+    for kind in ("slide", "hinge") for i, axis in enumerate(("1 0 0", "0 1 0", "0 0 1"))
+)  # fmt: skip
+
+
+def mjcf(arm, rng, grasps, equalities, freely="<freejoint/>", base="<freejoint/>"):
     """The arm, a box with a site for each grasp, and equalities."""
     sites = "".join(f'<site name="{tip}_at" {at(pose)}/>' for tip, pose in grasps.items())
     com, I = about_cm(debris(chosen(2), BOX).inertial)
@@ -38,7 +45,7 @@ def mjcf(arm, rng, grasps, equalities, freely="<freejoint/>"):
         f'<body name="box">{freely}<inertial pos="{numbers(com)}" mass="{BOX}" '
         f'fullinertia="{numbers(six)}"/>{sites}</body>'
     )
-    text = as_mjcf(arm.tree, rng).replace("</worldbody>", f"{box}</worldbody>")
+    text = as_mjcf(arm.tree, rng, base).replace("</worldbody>", f"{box}</worldbody>")
     return text.replace("</equality>", f"{equalities}</equality>")
 
 
@@ -50,8 +57,8 @@ def welds(arm, points=""):
     )
 
 
-def violation(path, held):
-    """How far MuJoCo's own equalities are open."""
+def in_mujoco(path, held):
+    """The same file in MuJoCo, everything where it is held."""
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     for name, q in zip(held.arm.joint_names, held.q, strict=True):
@@ -65,6 +72,12 @@ def violation(path, held):
         first = model.jnt_qposadr[model.body(name).jntadr[0]]
         xyzquat = pin.SE3ToXYZQUAT(pose)
         data.qpos[first : first + 7] = xyzquat[[0, 1, 2, 6, 3, 4, 5]]
+    return model, data
+
+
+def violation(path, held):
+    """How far MuJoCo's own equalities are open."""
+    model, data = in_mujoco(path, held)
     mujoco.mj_forward(model, data)
     return np.abs(data.efc_pos[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY]).max()
 
@@ -93,6 +106,77 @@ def test_a_free_body_welded_to_two_hands_is_their_target(tmp_path):
     assert held.target.mass == pytest.approx(BOX)
     assert violation(tmp_path / "closed.xml", held) < 1e-8
     same_as_by_grasps(arm, held, debris(chosen(2), BOX, held.target.pose))
+
+
+def flown_in_mujoco(path, held, law, duration, step):
+    """Joints and pose of the box in the end, forces at the welds and the gap, by steps of RK4.
+
+    Its welds are springs with dampers, as stiff as the steps and the largest impedance allow.
+    """
+    model, data = in_mujoco(path, held)
+    model.opt.gravity[:], model.opt.timestep = 0.0, step
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    model.eq_solref[:], model.eq_solimp[:] = (2.5 * step, 1.0), (0.9999, 0.9999, 1e-3, 0.5, 2.0)
+    ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, n) for n in held.arm.joint_names]
+    q, v = model.jnt_qposadr[ids], model.jnt_dofadr[ids]
+
+    def push(_, data):
+        data.qfrc_applied[v] = law(data.time, None, data.qvel[v])
+
+    mujoco.set_mjcb_control(push)
+    try:
+        for _ in range(round(duration / step)):
+            mujoco.mj_step(model, data)
+        mujoco.mj_forward(model, data)
+    finally:
+        mujoco.set_mjcb_control(None)
+    force = np.linalg.norm(data.efc_force.reshape(-1, 6)[:, :3], axis=1)
+    box = data.body("box")
+    there = pin.SE3(box.xmat.reshape(3, 3), box.xpos)
+    return data.qpos[q].copy(), there, force, np.abs(data.efc_pos).max()
+
+
+def test_a_file_that_is_written_says_which_loops_it_lacks(tmp_path):
+    rng = chosen(31)
+    arm = several(rng, (6, 6)).replace(task=POSE)
+    _, _, grasps = rough(arm, rng, off=0.1)
+    closed = loaded(mjcf(arm, rng, grasps, welds(arm)), tmp_path, "xml")
+    writers = {"urdf": closed.to_urdf}
+    writers |= {"sdf": lambda path: sa.to_sdf(closed, path)}
+    writers |= {"mjcf": lambda path: sa.to_mjcf(closed, path)}
+    for suffix, write in writers.items():
+        with pytest.warns(sa.ModelWarning, match="loops are not written: .*sa.hold"):
+            write(tmp_path / f"open.{suffix}")
+
+
+@pytest.mark.slow
+def test_mujoco_moves_the_chain_of_its_own_file_alike(tmp_path):
+    """The difference is that of MuJoCo's welds, which give way, and falls with its steps."""
+    rng = chosen(36)
+    arm = several(rng, (6, 6)).replace(task=POSE)
+    start, _, grasps = rough(arm, rng, off=0.1)
+    closed = loaded(mjcf(arm, rng, grasps, welds(arm)), tmp_path, "xml")
+    order = [arm.joint_names.index(name) for name in closed.joint_names]
+    held = sa.hold(closed.at(start.q[order], base=start.base), limits=False)
+    j, scale = np.arange(arm.n), sa.generalized_inertia(held.configuration).diagonal()
+
+    def law(t, _, dq):
+        return scale * (0.2 * np.sin((1.0 + 0.2 * j) * t + j) - 0.1 * dq)
+
+    run = held.simulate(law, 1.0, integration=sa.Integration(dt=0.25, rtol=1e-10))
+    moved = np.abs(run.q[-1] - held.q).max()
+    assert moved > 0.05
+    ends = [flown_in_mujoco(tmp_path / "closed.xml", held, law, 1.0, h) for h in (2e-3, 5e-4)]
+    off = [np.abs(q - run.q[-1]).max() / moved for q, *_ in ends]
+    for difference, (*_, gap) in zip(off, ends, strict=True):
+        assert difference < 1e4 * gap / moved
+    assert off[1] < max(0.2 * off[0], 1e-8)
+    assert run.gap.max() < 1e-3 * ends[1][-1]
+    _, there, force, _ = ends[1]
+    box = there.actInv(held.after(run).target.pose)
+    np.testing.assert_allclose(box.homogeneous, np.eye(4), atol=1e-5 * moved)
+    ours = [np.linalg.norm(run.grasps[tip][-1, :3]) for tip in held.arm.tips]
+    np.testing.assert_allclose(force, ours, atol=0.01 * max(ours))
 
 
 def test_hands_that_hold_each_other_move_as_with_any_target_between(tmp_path):
@@ -140,17 +224,25 @@ def test_a_point_that_is_connected_is_a_ball_joint(tmp_path):
     assert report.internal.shape == (15, 3)
 
 
+@pytest.mark.filterwarnings("ignore:.*joints .* are left out")
 def test_a_hand_welded_to_the_world_holds_it(tmp_path):
+    """With a free joint, and with slides and hinges that stand for it."""
     rng = chosen(34)
     arm = several(rng, (6, 6)).replace(task=POSE)
     start, _, grasps = rough(arm, rng, off=0.1)
-    text = mjcf(arm, rng, grasps, welds(arm), freely="")
-    closed = loaded(text, tmp_path, "xml")
-    order = [arm.joint_names.index(name) for name in closed.joint_names]
-    held = sa.hold(closed.at(start.q[order]), limits=False)
-    assert held.target is None
-    assert held.report().mode == "fixed"
+    found = []
+    for base in (SLIDES, "<freejoint/>"):
+        text = mjcf(arm, chosen(35), grasps, welds(arm), freely="", base=base)
+        closed = loaded(text, tmp_path, "xml")
+        order = [arm.joint_names.index(name) for name in closed.joint_names]
+        found.append(sa.hold(closed.at(start.q[order]), limits=False))
+        assert found[-1].target is None
+        assert found[-1].report().mode == "fixed"
+    sliding, held = found
     assert violation(tmp_path / "closed.xml", held) < 1e-8
+    np.testing.assert_allclose(sliding.q, held.q, atol=1e-8)
+    off = sliding.configuration.base.actInv(held.configuration.base)
+    np.testing.assert_allclose(off.homogeneous, np.eye(4), atol=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,7 @@ from helpers.arms import chosen, planar_pair, random_base
 from helpers.closed import closed, debris, rates_for, rough, several
 
 import spacearm as sa
-from spacearm.closure.closed_motions import closed_motions
-from spacearm.closure.closing import Closure
+from spacearm.closure.closing import Closure, closed_motions
 from spacearm.closure.held_report import nearest_closed
 from spacearm.mechanics.jacobian import task_jacobian
 

@@ -346,7 +346,18 @@ def with_floating_base(source: Source, tree: Tree) -> Tree:
         )
         return tree
     source.warn(f"joints {names} are left out: the spacecraft {spacecraft!r} floats by itself")
-    return base
+    return replace(base, loops=(*base.loops, *_to_the_world(tree, base)))
+
+
+def _to_the_world(tree: Tree, base: Tree) -> list[Loop]:
+    """Return the loops by which links that a base carries hold what is fixed to the root."""
+    world, found = tree.lumps[tree.root], list[Loop]()
+    for loop in tree.loops:
+        loop = loop.turned() if loop.link in world else loop
+        if loop.link in base.links and loop.other in world:
+            there = tree.frames[tree.root].actInv(tree.frames[loop.other])
+            found.append(loop._replace(other=WORLD, pose=loop.pose * there.inverse()))
+    return found
 
 
 def _way(source: Source, tree: Tree) -> list[Joint]:
