@@ -46,6 +46,8 @@ PART, PICARD, SETTLED = 0.5, 50, 1e-14
 #: Largest motion of a joint, and turn by the momentum, in one step of the integration [rad] or [m];
 #: least number of all steps.
 FINE, FEWEST = 0.0025, 3200
+#: Error of a joint [rad] or [m] that the steps of an interval may leave, as its rate varies.
+EVEN = 1e-12
 #: Waves 1 - cos(2 pi k s) of each joint by which rows are bent, s the share of their way.
 SHAPES = 2
 #: Height of a wave by which the end is differentiated [rad] or [m].
@@ -346,12 +348,18 @@ class FlownRows:
         raise NoSolutionError(f"flown as a spline through its rows the motion ends {off:.1e} off")
 
     def steps(self, parts: float) -> Indices:
-        """Return the steps (m - 1,) of the integration from row to row."""
+        """Return the steps (m - 1,) of the integration from row to row.
+
+        The rate of a quintic with the leading coefficient c is integrated over k steps of a time
+        dt with an error of about c dt^5 / (36 k^4), by two Gauss points: much where joints start
+        and stop between two rows.
+        """
         dt = np.diff(self.t)
+        uneven = np.abs(self._spline.c[0]).max(axis=1) * dt**5 / (36.0 * EVEN)
         spin = np.linalg.norm(np.linalg.solve(self.start.A[3:, 3:6], self.start.momentum[3:]))
         turned = np.maximum(np.abs(np.diff(self.q, axis=0)).max(axis=1), spin * dt)
         least = np.maximum(turned / FINE, dt / self.t[-1] * FEWEST)
-        return np.ceil(parts * least).astype(int)
+        return np.ceil(parts * np.maximum(least, uneven**0.25)).astype(int)
 
 
 def _turned(T: Array, t: Array, D: Array, taken: Array, h: Array) -> Array:

@@ -7,6 +7,7 @@ from helpers.arms import joint, link, load_text, random_chain
 from helpers.replay import replay
 
 import spacearm as sa
+from spacearm.mechanics.batch import evaluate
 from spacearm.planning.many_curves import drifting_attitudes
 
 H = np.array([0.5, 0.2, 0.0, 0.0, 0.0, 0.5])
@@ -112,19 +113,36 @@ def test_a_longer_duration_minds_what_moves(arm):
         )
 
 
+def end_of_a_way(arm, Q, h, lasts):
+    """Where the spacecraft with momentum h is after joint positions Q, passed evenly."""
+    t, start = np.linspace(0.0, lasts, len(Q)), arm.at(Q[0])
+    T = drifting_attitudes(arm, np.eye(3), t, Q[None], h[3:], np.zeros(3))[0, -1]
+    return arm.at(Q[-1], base=pin.SE3(T, np.zeros(3))).centred(start.com + lasts * h[:3] / arm.mass)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_spatial_arms_arrive(seed):
     """The goal is where a known motion with this momentum ends, in twice its time."""
     arm, rng = load_text(random_chain(seed, 7), tip="tip", task="pose"), np.random.default_rng(seed)
     Q = np.linspace(0.0, 0.4, 60)[:, None] * rng.choice([-1.0, 1.0], 7)
-    h = 0.01 * arm.at(Q[0]).A[3:, 3:6] @ rng.normal(size=3)
-    t = np.linspace(0.0, 10.0, 60)
-    T = drifting_attitudes(arm, np.eye(3), t, Q[None], h, np.zeros(3))[0, -1]
-    goal = arm.at(Q[-1], base=pin.SE3(T, np.zeros(3))).centred(arm.at(Q[0]).com).tip
-    plan = sa.plan(arm.at(Q[0], momentum=[0, 0, 0, *h]), goal, duration=10.0)
+    h = np.append(np.zeros(3), 0.01 * arm.at(Q[0]).A[3:, 3:6] @ rng.normal(size=3))
+    goal = end_of_a_way(arm, Q, h, 10.0).tip
+    plan = sa.plan(arm.at(Q[0], momentum=h), goal, duration=10.0)
     end = replay(plan)[0]
     np.testing.assert_allclose(end.tip.homogeneous, goal.homogeneous, atol=1e-7)
+
+
+def straight_way(arm, rng):
+    """Joint positions along a line on which a square J* stays regular."""
+    while True:
+        begin = rng.uniform(np.maximum(arm.lower, -1.5), np.minimum(arm.upper, 1.5))
+        Q = begin + np.linspace(0.0, 1.0, 60)[:, None] * rng.uniform(0.1, 0.4, arm.n)
+        if arm.n > arm.task.k:
+            return Q
+        S = evaluate(arm, Q, ("determinant",))["determinant"]
+        if np.abs(S).min() > 0.3 * np.abs(S).max() and np.ptp(np.sign(S)) == 0.0:
+            return Q
 
 
 MOVING = [("planar2", 4), ("planar3", 5), ("mda6", 6), ("chaser7", 7)]
@@ -136,14 +154,14 @@ MOVING = [("planar2", 4), ("planar3", 5), ("mda6", 6), ("chaser7", 7)]
 def test_plans_arrive_as_they_are_flown(name, seed, momentum):
     """Tracking follows the spline through the rows, which `sa.simulate` integrates on its own."""
     arm, rng = sa.load(name), np.random.default_rng(seed)
-    q = rng.uniform(np.maximum(arm.lower, -1.5), np.minimum(arm.upper, 1.5))
+    Q, lasts = straight_way(arm, rng), 10.0
     h = rng.normal(scale=0.002 * arm.mass, size=6) * momentum
     if arm.tree.plane_normal() is not None:
         h[2:5] = 0.0
-    goal = arm.at(q + rng.uniform(0.1, 0.4, arm.n)).tip
+    goal = end_of_a_way(arm, Q, h, lasts).tip
     there = goal if max(arm.task.indices) > 2 else goal.translation[arm.task.indices]
     loose = sa.Constraints(collisions=False, limits=False)
-    plan = sa.plan(arm.at(q, momentum=h), there, constraints=loose)
+    plan = sa.plan(arm.at(Q[0], momentum=h), there, duration=lasts, constraints=loose)
     exact = sa.Integration(rtol=1e-11, atol=1e-12)
     end = sa.simulate(plan[0], sa.Tracking(plan), plan.t[-1], integration=exact)[-1]
     rows = [i for i in arm.task.indices if i < 3]

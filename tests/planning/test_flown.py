@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from helpers.arms import load_text, random_chain
 from helpers.replay import replay
 
 import spacearm as sa
@@ -87,6 +88,23 @@ def test_a_row_on_the_way_is_passed_with_its_attitude_as_flown():
     np.testing.assert_array_equal(bent.q[[0, row, -1]], q[[0, row, -1]])
     end, _ = replay(bent)
     np.testing.assert_allclose(end.base.rotation, rows[-1].base.rotation, atol=1e-7)
+
+
+@pytest.mark.parametrize("momentum", [0.0, 1e-300])
+def test_short_ways_between_corners_turn_the_spacecraft_as_straight_lines_do(momentum):
+    """After a long way: the joints start and stop within each, however few steps it would take."""
+    rng = np.random.default_rng(11)
+    arm = load_text(random_chain(rng, 5), tip="tip", task="pose")
+    steps = np.vstack((2.0 * np.eye(arm.n)[-1], 1e-3 * np.vstack([np.eye(arm.n)] * 8)))
+    q = rng.uniform(-1.0, 1.0, arm.n) + np.vstack((np.zeros(arm.n), np.cumsum(steps, axis=0)))
+    rows = walk(arm.at(q[0]), q)
+    plan = sa.Plan.of_rows("by hand", rows, np.full(arm.n, 0.2))
+    np.testing.assert_array_equal(plan.dq, 0.0)
+    start = plan[0].with_momentum(np.eye(6)[5] * momentum)
+    flown = FlownRows(start, plan.t, plan.q, plan.wheels, plan.final_rates).attitudes()
+    T = np.array([row.base.rotation for row in rows])
+    short, straight = (each[1].T @ each[1:] for each in (flown, T))
+    np.testing.assert_allclose(short, straight, atol=1e-9)
 
 
 def by_hand(arm, q, rate, momentum):
