@@ -19,7 +19,8 @@ from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import momentum_and_torque
 from spacearm.mechanics.jacobian import momentum_matrix, singular_values
 from spacearm.model.arguments import BaseMode, free_components
-from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.arm import Configuration, SpaceArm, kinematics
+from spacearm.model.joints import joint_vector
 from spacearm.model.wheels import WheelLoad, carried
 from spacearm.motion import motion_file
 from spacearm.motion.events import Event
@@ -183,7 +184,7 @@ class Motion(Result):
         return None
 
     def __getitem__(self, i: int) -> Configuration:
-        return self.arm.at(self.q[i], base=_pose(self.base[i]))
+        return kinematics(self.arm, joint_vector(self.arm, self.q[i], "q"), _pose(self.base[i]))
 
     def __iter__(self) -> Iterator[Configuration]:
         return (self[i] for i in range(len(self)))
@@ -447,7 +448,7 @@ class Drifting(Motion, kw_only=True):
         cfg = super().__getitem__(i)
         if not self.momentum.any() and not self.wheels.any():
             return cfg
-        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i], momentum=self.momentum[i])
+        return cfg.with_momentum(self.momentum[i]).with_wheels(self.wheels[i])
 
     @property
     def momentum_on_board(self) -> Array:
@@ -528,7 +529,8 @@ class Trajectory(Motion, kw_only=True):
         cfg, kept = super().__getitem__(i), free_components(self.mode)
         momentum = np.zeros(6)
         momentum[:kept] = self.momentum[0, :kept] + self.impulse[i, :kept]
-        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i], momentum=momentum)
+        cfg = cfg.with_momentum(momentum)
+        return cfg.with_wheels(self.wheels[i]) if self.wheels.size else cfg
 
     @property
     def story(self) -> str:
