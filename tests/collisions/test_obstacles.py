@@ -320,7 +320,7 @@ def test_a_start_in_an_obstacle_and_other_refusals(arm, tmp_path):
         (lambda: sa.Obstacle.sphere(1.0, twist=(1.0, 2.0)), "twist"),
         (lambda: sa.Obstacle.sphere(1.0, may_touch="hand"), "may_touch is 'hand'"),
         (lambda: sa.Obstacle.sphere(1.0, name=""), "name is ''"),
-        (lambda: sa.Obstacle.sphere(1.0, along=3), "cannot be played"),
+        (lambda: sa.Obstacle.sphere(1.0, along=3), "along is 3; give a motion"),
         (lambda: sa.Obstacle.cylinder(1.0, np.inf), "length is inf"),
         (
             lambda: sa.Obstacle.robot(sa.load("planar2")),

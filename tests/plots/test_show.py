@@ -198,23 +198,13 @@ def held():
 
 @pytest.mark.slow
 def test_every_result_has_a_figure_whose_labels_do_not_touch(results, monkeypatch):
-    for what, (thing, panels) in results.items():
+    """It goes into given axes and subfigures, too."""
+    for what, (thing, count) in results.items():
         drawn = plot(thing)
         assert isinstance(drawn, Figure), what
-        assert len(drawn.axes) == panels, what
+        assert len(drawn.axes) == count, what
         assert not touching(drawn, monkeypatch), what
-
-
-@pytest.mark.slow
-def test_no_kind_of_drawing_is_untested(results):
-    drawn = {kind for thing, _ in results.values() for kind in type(thing).__mro__}
-    assert drawn >= set(DRAWINGS)
-
-
-@pytest.mark.slow
-def test_drawings_go_into_given_axes_and_subfigures(results):
-    for what, (thing, _) in results.items():
-        alone = [axes for axes in plot(thing).axes if axes.get_label() != "<colorbar>"]
+        alone = [axes for axes in drawn.axes if axes.get_label() != "<colorbar>"]
         mine = Figure()
         kinds = ["3d" if axes.name == "3d" else None for axes in alone]
         panels = [mine.add_subplot(1, len(kinds), i + 1, projection=k) for i, k in enumerate(kinds)]
@@ -228,6 +218,12 @@ def test_drawings_go_into_given_axes_and_subfigures(results):
         assert [axes.name for axes in whole.axes if axes.get_label() != "<colorbar>"] == [
             axes.name for axes in alone
         ]
+
+
+@pytest.mark.slow
+def test_no_kind_of_drawing_is_untested(results):
+    drawn = {kind for thing, _ in results.values() for kind in type(thing).__mro__}
+    assert drawn >= set(DRAWINGS)
 
 
 def test_panels_that_do_not_fit_are_refused_before_anything_is_drawn(few):

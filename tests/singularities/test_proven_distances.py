@@ -26,7 +26,7 @@ def contradictions(arm, q, near, mode, rng, starts=40):
 
 
 @pytest.mark.slow
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(
     st.integers(2, 5),
     st.integers(0, 2**32 - 1),

@@ -18,7 +18,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARE = (
-    "tests/cli/test_mounting.py", "tests/closure", "tests/collisions/test_obstacles.py",
+    "tests/cli/test_mounting.py", "tests/closure/test_closed_descriptions.py",
+    "tests/collisions/test_obstacles.py::test_what_no_obstacle_is",
     "tests/compiler/test_angles.py", "tests/description/test_urdf.py",
     "tests/equations/test_singular_values.py", "tests/export/test_robot_files.py",
     "tests/mechanics/test_momentum.py",
@@ -29,8 +30,9 @@ SHARE = (
     "tests/singularities/test_rounding.py",
     "tests/sweeps/test_study.py",
     "tests/planning/test_retiming.py::test_what_makes_no_sense_is_refused", "tests/test_files.py",
-    "tests/tools/test_robots.py", "tests/uncertainty", "tests/viewer/test_show.py",
-    "tests/workspaces/test_design.py",
+    "tests/tools/test_robots.py", "tests/uncertainty/test_identification.py",
+    "tests/viewer/test_show.py::test_motions_are_played",
+    "tests/workspaces/test_design.py::test_shapes_grow_with_their_link",
 )  # fmt: skip
 """Tests of every folder."""
 READS_ALL = "+dac_read_search"
