@@ -16,7 +16,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 import spacearm as sa
-from spacearm.mission.branches import HeldTip
+from spacearm.mission.attitude_search import HeldTip
 from spacearm.motion.following import segments
 from spacearm.motion.leading import Settings, lead_all, table_of
 

@@ -30,8 +30,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import spacearm as sa
-from spacearm.sweeps.runner import estimate
-from spacearm.sweeps.workers import WIDTH, connect
+from spacearm.sweeps.runner import WIDTH, connect, estimate
 
 RISK = """
 arms = ["{arm}"]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import functools
 import io
 import os
 import re
 import sys
 import warnings
 from collections.abc import Callable
+from functools import cache, wraps
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -20,72 +21,42 @@ from typer.main import get_command
 from spacearm.cli.wording import INTERRUPTED, NUMBER, in_own_words, join_numbers
 from spacearm.errors import SpaceArmError, printable
 
-#: Name and place of each command, and its summary.
-TABLE = """
-models: models.list_models
-    List the models of the catalogue, and arms to mount on a bus.
-info: models.describe_model
-    Show bodies, masses, joints, limits, tip and task of a robot.
-mount: models.write_model
-    Write a robot, or an arm on a bus (--bus), as a URDF.
-convert: models.write_model
-    Write a robot, or an arm on a bus (--bus), as a URDF.
-query: queries.report_singularity
-    Report whether a posture is singular, and what is lost there.
-nearest: queries.find_nearest
-    Find the singular posture nearest to a posture.
-box: boxes.find_box
-    Prove joint ranges about a posture free of singular ones.
-boxes: boxes.cover_by_boxes
-    Cover joint space by ranges free of singular postures.
-path: queries.check_path
-    Prove that motions from posture to posture meet no singularity.
-view: views.view_configuration
-    Show a posture or play a motion in the browser.
-map: queries.draw_singular_map
-    Map the distance to the singular set over two joints.
-workspace: workspaces.compute_workspace
-    Compute the path dependent and path independent workspaces.
-risk: workspaces.compute_risk
-    Estimate how many postures are near a singularity.
-design: workspaces.sweep_designs
-    Compare designs: masses, lengths, the mounting point.
-plan: plans.plan_motion
-    Plan a motion that leads the tip to a goal.
-follow: plans.follow_path
-    Lead the tip along a path from a CSV file.
-detumble: plans.detumble_motion
-    Plan a motion after which wheels hold the spacecraft at rest.
-attitudes: missions.find_attitudes
-    Find the attitudes from which the tip can follow a path.
-catch: missions.find_catch
-    Find when and how the arm catches a tumbling target.
-hold: missions.hold_target
-    Find a posture in which tips hold a target; what they can do.
-identify: missions.identify_held
-    Identify what the hand holds from measured rates.
-reaction: missions.report_reaction
-    Report what a motion does to the spacecraft and its wheels.
-wheels: missions.size_wheels_of
-    Compute how much momentum wheels need to hold the attitude.
-report: missions.write_report
-    Write a design report, one page.
-simulate: simulations.simulate_motion
-    Simulate an arm under a controller.
-watch: simulations.watch_states
-    Warn when joint states come near a singular posture.
-capture: queries.compute_capture
-    Compute the velocities just after the hand grasps a body.
-sweep: sweeps.run_study
-    Compute a study chunk by chunk, or resume one that was stopped.
+#: Name and place of each command, in the order of the help.
+PLACES = """
+models:models.list_models info:models.describe_model mount:models.write_model
+convert:models.write_model query:queries.report_singularity nearest:queries.find_nearest
+box:boxes.find_box boxes:boxes.cover_by_boxes path:queries.check_path
+view:views.view_configuration map:queries.draw_singular_map
+workspace:workspaces.compute_workspace risk:workspaces.compute_risk
+design:workspaces.sweep_designs plan:plans.plan_motion follow:plans.follow_path
+detumble:plans.detumble_motion attitudes:missions.find_attitudes catch:missions.find_catch
+hold:missions.hold_target identify:missions.identify_held reaction:missions.report_reaction
+wheels:missions.size_wheels_of report:missions.write_report simulate:simulations.simulate_motion
+watch:simulations.watch_states capture:queries.compute_capture sweep:sweeps.run_study
 """
-#: The same by name: a module is imported when its command is called.
-COMMANDS = {
-    name: (place, summary) for name, place, summary in re.findall(r"(\w+): (\S+)\n    (.+)", TABLE)
-}
 HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 #: Commands without numbers: whatever starts with a minus sign is an option.
 NO_NUMBERS = ("models", "sweep")
+
+
+@cache
+def _source(module: str) -> str:
+    return Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
+
+
+def _summary(place: str) -> str:
+    """Return the first line of the docstring of a command, whose module is not imported."""
+    module, _, function = place.partition(".")
+    first = rf'^(?:def )?{function}\b.*?"""([^"\n]+)'
+    found = re.search(first, _source(module), re.DOTALL | re.MULTILINE)
+    return found[1] if found else ""
+
+
+#: Place and summary of each command; a module is imported when its command is called.
+COMMANDS = {
+    name: (place, _summary(place))
+    for name, _, place in (word.partition(":") for word in PLACES.split())
+}
 
 
 class LazyGroup(TyperGroup):
@@ -124,7 +95,7 @@ def _stoppable(command: Callable[..., int]) -> Callable[..., int]:
     By itself Typer exits without a word, with an error.
     """
 
-    @functools.wraps(command)
+    @wraps(command)
     def run(*args: Any, **options: Any) -> int:
         try:
             return command(*args, **options)

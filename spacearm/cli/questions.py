@@ -6,7 +6,7 @@ import inspect
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -18,10 +18,8 @@ from spacearm.model.arguments import FLOATING
 from spacearm.model.joints import warn_outside
 from spacearm.motion.controllers import LAWS, Controller
 from spacearm.motion.goal import Goal, goal_of
-from spacearm.sweeps.motion_tables import read_laws
+from spacearm.sweeps.motion_tables import built, read_laws
 from spacearm.sweeps.toml import Table, parse, text_of
-
-T = TypeVar("T")
 
 With = Annotated[
     list[str] | None,
@@ -79,30 +77,6 @@ def _value(text: str) -> Any:
         return json.loads(text)
     except (ValueError, RecursionError):
         return text
-
-
-def built(kind: Callable[..., T], given: Table, **made: Callable[[Any], Any]) -> T:
-    """Make an object from a table of the names of its fields.
-
-    Args:
-        kind: Its class, which checks the values.
-        given: The table.
-        **made: What makes the value of a field of what the table says.
-
-    Raises:
-        ConfigurationError: A key is not among the fields, a field without a default is missing, or
-            a value makes no sense.
-    """
-    fields = inspect.signature(kind).parameters
-    given.knows(*fields)
-    for name, field in fields.items():
-        if field.default is inspect.Parameter.empty and name not in given.values:
-            raise given.fail(name, f"a {kind.__name__} needs it")
-    values = {k: made[k](v) if k in made else v for k, v in given.values.items()}
-    try:
-        return kind(**values)
-    except TypeError as error:
-        raise sa.ConfigurationError(f"{given.where}: {error}") from None
 
 
 def start_of(

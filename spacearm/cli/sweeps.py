@@ -21,8 +21,7 @@ from spacearm.cli.output import err, out, print_description, working
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.compiler.machine import processors
 from spacearm.results import Column, Description, Table
-from spacearm.sweeps.runner import Tally, estimate, run_chunks, status
-from spacearm.sweeps.workers import connect
+from spacearm.sweeps.runner import Tally, connect, estimate, run_chunks, status
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -23,6 +23,7 @@ from spacearm.arrays import Array, Progress, named, plain, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mission.attitude_search import (
     ENDS,
+    HeldTip,
     PathTrials,
     at_border,
     largest_ball,
@@ -31,7 +32,6 @@ from spacearm.mission.attitude_search import (
     turned_about,
     volume,
 )
-from spacearm.mission.branches import HeldTip
 from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, Path, follow, path_start, segments

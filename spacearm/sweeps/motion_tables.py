@@ -5,14 +5,15 @@ The keys are the names in Python: a table has the fields of the class that it st
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from inspect import signature
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 import numpy.typing as npt
 
+from spacearm.errors import ConfigurationError
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.controllers import LAWS, Controller, TipLaw
@@ -21,6 +22,7 @@ from spacearm.motion.goal import goal_of
 from spacearm.motion.plant import Integration, PassiveJoint, Plant, Sampling, WheelHold, Wrench
 from spacearm.sweeps.toml import Table
 
+T = TypeVar("T")
 MODES: tuple[BaseMode, ...] = get_args(BaseMode)
 
 
@@ -45,27 +47,62 @@ def read_law(table: Table, arm: SpaceArm) -> Controller:
             return goal_of(arm, given, name) if issubclass(kind, TipLaw) else given
         return given if isinstance(table.values[name], list) else float(given[0])
 
-    law: Controller = kind(**{name: parameter(name) for name in _fields(table, kind, "law")})
+    own = signature(kind).parameters
+    table.knows("law", *own)
+    names = [name for name, p in own.items() if name in table.values or p.default is p.empty]
+    law: Controller = kind(**{name: parameter(name) for name in names})
     return law
+
+
+def built(kind: Callable[..., T], given: Table, **made: Callable[[Any], Any]) -> T:
+    """Make an object from a table of the names of its fields.
+
+    Args:
+        kind: The class, which checks its values.
+        given: The table.
+        made: What makes the value of a field of that in the table, for fields that need it.
+
+    Raises:
+        ConfigurationError: A field does not exist or is missing, or a value makes no sense.
+    """
+    fields = signature(kind).parameters
+    given.knows(*fields)
+    for name, each in fields.items():
+        if each.default is each.empty and name not in given.values:
+            raise given.fail(name, f"a {kind.__name__} needs it")
+    values = {k: made[k](v) if k in made else v for k, v in given.values.items()}
+    try:
+        return kind(**values)
+    except TypeError as error:
+        raise ConfigurationError(f"{given.where}: {error}") from None
 
 
 def read_plant(table: Table) -> Plant:
     """Return what acts on the arm: wheels, wrenches, thrusters, passive, limits."""
-    options: dict[str, Any] = {}
-    for name in _fields(table, Plant):
-        if name == "limits":
-            options[name] = table.take(name, bool)
-        elif name == "wheels":
-            options[name] = _of_numbers(table.inner(name), WheelHold)
-        elif name == "passive" and isinstance(table.values[name], str):
-            options[name] = table.take(name, str)
-        elif name == "passive":
-            joints = table.inner(name)
-            options[name] = {j: _of_numbers(joints.inner(j), PassiveJoint) for j in joints.values}
-        else:
-            pushed = table.inner(name)
-            options[name] = {link: _wrench(pushed, link) for link in pushed.values}
-    return Plant(**options)
+
+    def passive(value: Any) -> Any:
+        if isinstance(value, str):
+            return value
+        joints = table.inner("passive")
+        return {name: _passive(joints.inner(name)) for name in joints.values}
+
+    def pushed(name: str) -> Callable[[Any], dict[str, Wrench]]:
+        links = table.inner(name)
+        return lambda _: {link: _wrench(links, link) for link in links.values}
+
+    return built(
+        Plant,
+        table,
+        wheels=lambda _: built(WheelHold, table.inner("wheels")),
+        wrenches=pushed("wrenches"),
+        thrusters=pushed("thrusters"),
+        passive=passive,
+    )
+
+
+def _passive(own: Table) -> PassiveJoint:
+    own.knows(*PassiveJoint._fields)
+    return PassiveJoint(**{name: own.take(name, float) for name in own.values})
 
 
 def _wrench(pushed: Table, link: str) -> Wrench:
@@ -92,27 +129,13 @@ def read_sampling(table: Table) -> Sampling | None:
     """Return period, delay and noise of a controller of fixed rate; None if there are none."""
     if "sampling" not in table.values:
         return None
-    given = table.inner("sampling")
-    options: dict[str, Any] = {}
-    for name in _fields(given, Sampling):
-        if name == "seed":
-            options[name] = given.take(name, int)
-        elif name.endswith("noise") and isinstance(given.values[name], list):
-            options[name] = given.numbers(name)
-        else:
-            options[name] = given.take(name, float)
-    return Sampling(**options)
+    return built(Sampling, table.inner("sampling"))
 
 
 def read_integration(table: Table, default: Integration) -> Integration:
     """Return how to integrate: `default` with what the table gives."""
-    options: dict[str, Any] = {}
-    for name in _fields(table, Integration):
-        if name == "events":
-            options[name] = table.texts(name)
-        else:
-            options[name] = table.take(name, str if name == "method" else float)
-    return replace(default, **options)
+    table.knows(*signature(Integration).parameters)
+    return replace(default, **table.values)
 
 
 def read_phases(table: Table, arm: SpaceArm) -> list[Phase]:
@@ -128,7 +151,7 @@ def read_phases(table: Table, arm: SpaceArm) -> list[Phase]:
 
 
 def _phase(table: Table, arm: SpaceArm) -> Phase:
-    _fields(table, Phase)
+    table.knows(*signature(Phase).parameters)
     return Phase(
         read_laws(table.inner("controller"), arm),
         table.positive("duration", float),
@@ -159,17 +182,5 @@ def _then(table: Table) -> Grasp | Release | None:
     then = table.inner("then")
     then.knows("grasp")
     body = then.inner("grasp")
-    more = {name: body.values[name] for name in _fields(body, Grasp) if name != "mass"}
-    return Grasp(mass=body.positive("mass", float), **more)
-
-
-def _of_numbers(table: Table, kind: Any) -> Any:
-    """Return an object whose fields are all numbers."""
-    return kind(**{name: table.take(name, float) for name in _fields(table, kind)})
-
-
-def _fields(table: Table, kind: Any, *more: str) -> list[str]:
-    """Return which fields of a class a table gives, or misses; refuse other keys."""
-    own = signature(kind).parameters
-    table.knows(*more, *own)
-    return [name for name, f in own.items() if name in table.values or f.default is f.empty]
+    body.positive("mass", float)
+    return built(Grasp, body)

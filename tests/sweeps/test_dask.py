@@ -18,8 +18,7 @@ import spacearm as sa
 
 pytest.importorskip("distributed")  # which needs Python 3.11
 
-from spacearm.sweeps.runner import run_chunks, status
-from spacearm.sweeps.workers import connect
+from spacearm.sweeps.runner import connect, run_chunks, status
 
 
 class Dask:
@@ -172,7 +171,7 @@ def _block(store):
 
 
 def test_no_scheduler(tmp_path, monkeypatch):
-    monkeypatch.setattr("spacearm.sweeps.workers.PATIENCE", 0.3)
+    monkeypatch.setattr("spacearm.sweeps.runner.PATIENCE", 0.3)
     with pytest.raises(sa.StoreError, match="no Dask scheduler at"):
         connect("tcp://127.0.0.1:9")
     for address in ("nonsense", "nonsense://here", "", "tcp://", "tls://127.0.0.1:9", "inproc://x"):
@@ -187,7 +186,7 @@ def test_no_scheduler(tmp_path, monkeypatch):
 @pytest.mark.parametrize("said", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 50, None])
 def test_something_else_that_listens_is_no_scheduler(said, monkeypatch):
     """It says nothing, or something else, or hangs up."""
-    monkeypatch.setattr("spacearm.sweeps.workers.PATIENCE", 1)
+    monkeypatch.setattr("spacearm.sweeps.runner.PATIENCE", 1)
     kept = []
 
     def accept(listener):

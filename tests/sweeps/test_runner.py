@@ -21,10 +21,9 @@ from hypothesis import strategies as st
 
 import spacearm as sa
 from spacearm.sweeps.quantities import boxes
-from spacearm.sweeps.runner import estimate, run_chunks, status
+from spacearm.sweeps.runner import do, estimate, run_chunks, status
 from spacearm.sweeps.store import Store, dataset
 from spacearm.sweeps.study import Chunk
-from spacearm.sweeps.workers import do
 
 zarr = pytest.importorskip("zarr")  # which needs Python 3.11
 

@@ -21,9 +21,8 @@ from mutations import HOSTILE, altered, changed_text
 import spacearm as sa
 import spacearm.sweeps.runner
 from spacearm.collisions.separation import Collisions
-from spacearm.sweeps.runner import status
+from spacearm.sweeps.runner import do, status
 from spacearm.sweeps.study import Chunk, Recipe
-from spacearm.sweeps.workers import do
 
 # --- studies and their stores ---------------------------------------------------------------
 

@@ -18,9 +18,9 @@ with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     from spacearm.description.shapes import coarsened
     from spacearm.viewer.layers import ellipsoid
-    from spacearm.viewer.scene import AMBER, AXES, CYAN, MAGENTA, PINK
     from spacearm.viewer.session import Session
     from spacearm.viewer.shapes import shapes
+    from spacearm.viewer.stage import AMBER, AXES, CYAN, MAGENTA, PINK
     from spacearm.viewer.window import PAGE, Key
 
 Q = [0.3, 1.2]
