@@ -46,7 +46,7 @@ def _shape(element: Callable[..., etree._Element], shape: shapes.Shape) -> etree
     """Write <visual> or <collision>; a material is named after its colour."""
     parts = [_origin(shape.pose), _geometry(shape.geometry)]
     if shape.rgba:
-        rgba = _text(shape.rgba)
+        rgba = digits(shape.rgba)
         parts.append(E.material(E.color(rgba=rgba), name=rgba))
     return element(*parts)
 
@@ -55,13 +55,13 @@ def _geometry(geometry: shapes.Geometry) -> etree._Element:
     """Write <geometry>; an empty one, which cannot be used either, for an unusable one."""
     match geometry:
         case shapes.Box(size):
-            return E.geometry(E.box(size=_text(size)))
+            return E.geometry(E.box(size=digits(size)))
         case shapes.Sphere(radius):
             return E.geometry(E.sphere(radius=repr(radius)))
         case shapes.Cylinder(radius, length):
             return E.geometry(E.cylinder(radius=repr(radius), length=repr(length)))
         case shapes.Mesh(name, file, scale):
-            return E.geometry(E.mesh(filename=str(file or name), scale=_text(scale)))
+            return E.geometry(E.mesh(filename=str(file or name), scale=digits(scale)))
         case shapes.Unusable():
             return E.geometry()
 
@@ -88,7 +88,7 @@ def _joint(joint: Joint) -> etree._Element:
     if joint.home:
         element.append(E.home(value=repr(float(joint.home))))
     if joint.kind != "fixed":
-        element.append(E.axis(xyz=_text(joint.axis)))
+        element.append(E.axis(xyz=digits(joint.axis)))
         names = ("lower", "upper", "effort", "velocity")
         limits = {name: getattr(joint, name) for name in names}
         finite = {name: repr(float(x)) for name, x in limits.items() if math.isfinite(x)}
@@ -104,9 +104,9 @@ def _joint(joint: Joint) -> etree._Element:
 
 
 def _origin(pose: pin.SE3) -> etree._Element:
-    return E.origin(xyz=_text(pose.translation), rpy=_text(pin.rpy.matrixToRpy(pose.rotation)))
+    return E.origin(xyz=digits(pose.translation), rpy=digits(pin.rpy.matrixToRpy(pose.rotation)))
 
 
-def _text(values: Iterable[float]) -> str:
+def digits(values: Iterable[float]) -> str:
     """Write numbers with all their digits."""
     return " ".join(repr(float(value)) for value in values)

@@ -16,6 +16,7 @@ from lxml.builder import E
 from spacearm.description.bodies import Joint, Mimic
 from spacearm.description.loops import warn_of_lost_loops
 from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere
+from spacearm.description.urdf_writer import digits
 from spacearm.files import write
 from spacearm.model.arm import SpaceArm
 from spacearm.signatures import checked
@@ -176,15 +177,15 @@ def _mjcf_body(body: _Body) -> etree._Element:
     element = E.body(**_mjcf_pose(body.pose), name=body.name)
     element.append(E.freejoint() if body.joint is None else _mjcf_joint(body.joint))
     if body.inertia.mass > 0.0:
-        six = _text(body.inertia.inertia[pair] for pair in PAIRS.values())
-        centre, mass = _text(body.inertia.lever), _text((body.inertia.mass,))
+        six = digits(body.inertia.inertia[pair] for pair in PAIRS.values())
+        centre, mass = digits(body.inertia.lever), digits((body.inertia.mass,))
         element.append(E.inertial(pos=centre, mass=mass, fullinertia=six))
     element.extend(E.site(**_mjcf_pose(at), name=link) for link, at in body.frames.items())
     for shapes, options in ((body.visual, DRAWN), (body.collision, COLLIDES)):
         element.extend(
             E.geom(
                 **kind, **_mjcf_pose(shape.pose),
-                **({"rgba": _text(shape.rgba)} if shape.rgba else {}), **options,
+                **({"rgba": digits(shape.rgba)} if shape.rgba else {}), **options,
             )
             for shape in shapes
             if (kind := _mjcf_geometry(shape))
@@ -194,18 +195,18 @@ def _mjcf_body(body: _Body) -> etree._Element:
 
 def _mjcf_joint(joint: Joint) -> etree._Element:
     """Write <joint>."""
-    words = {"type": "slide" if joint.kind == "prismatic" else "hinge", "axis": _text(joint.axis)}
+    words = {"type": "slide" if joint.kind == "prismatic" else "hinge", "axis": digits(joint.axis)}
     if isfinite(joint.lower) and isfinite(joint.upper):
-        words["range"] = _text((joint.lower, joint.upper))
+        words["range"] = digits((joint.lower, joint.upper))
     words |= _mjcf_effort("actuatorfrcrange", joint)
     for word, value in (("damping", joint.damping), ("frictionloss", joint.friction)):
-        words |= {word: _text((value,))} if value else {}
+        words |= {word: digits((value,))} if value else {}
     return E.joint(**words, name=joint.name)
 
 
 def _mjcf_tie(name: str, mimic: Mimic) -> etree._Element:
     """Write the constraint of a joint that mimics another."""
-    polynomial = _text((mimic.offset, mimic.multiplier, 0.0, 0.0, 0.0))
+    polynomial = digits((mimic.offset, mimic.multiplier, 0.0, 0.0, 0.0))
     return E.joint(joint1=name, joint2=mimic.leader, polycoef=polynomial)
 
 
@@ -216,24 +217,24 @@ def _mjcf_motor(joint: Joint) -> etree._Element:
 
 def _mjcf_effort(word: str, joint: Joint) -> dict[str, str]:
     """Return the range of the torques of a joint, if they are limited."""
-    return {word: _text((-joint.effort, joint.effort))} if isfinite(joint.effort) else {}
+    return {word: digits((-joint.effort, joint.effort))} if isfinite(joint.effort) else {}
 
 
 def _mjcf_geometry(shape: Shape) -> dict[str, str] | None:
     """Return type and size of a shape; None for one that is left out."""
     match shape.geometry:
         case Box(size):
-            return {"type": "box", "size": _text(0.5 * edge for edge in size)}
+            return {"type": "box", "size": digits(0.5 * edge for edge in size)}
         case Sphere(radius):
-            return {"type": "sphere", "size": _text((radius,))}
+            return {"type": "sphere", "size": digits((radius,))}
         case Cylinder(radius, length):
-            return {"type": "cylinder", "size": _text((radius, 0.5 * length))}
+            return {"type": "cylinder", "size": digits((radius, 0.5 * length))}
     return None
 
 
 def _mjcf_pose(pose: pin.SE3) -> dict[str, str]:
     x, y, z, w = pin.Quaternion(pose.rotation).coeffs()
-    return {"pos": _text(pose.translation), "quat": _text((w, x, y, z))}
+    return {"pos": digits(pose.translation), "quat": digits((w, x, y, z))}
 
 
 def _sdf_link(body: _Body, before: str) -> etree._Element:
@@ -256,7 +257,7 @@ def _sdf_joint(joint: Joint, parent: str, child: str) -> etree._Element:
     limit = E.limit(*(_number(name, x) for name, x in limits if isfinite(x)))
     resists = (("damping", joint.damping), ("friction", joint.friction))
     dynamics = E.dynamics(*(_number(name, x) for name, x in resists if x))
-    axis = E.axis(E.xyz(_text(joint.axis)), *(part for part in (limit, dynamics) if len(part)))
+    axis = E.axis(E.xyz(digits(joint.axis)), *(part for part in (limit, dynamics) if len(part)))
     if joint.mimic:
         leader, multiplier, offset = joint.mimic
         numbers = _number("multiplier", multiplier), _number("offset", offset)
@@ -269,31 +270,26 @@ def _sdf_shape(kind: str, shape: Shape, name: str) -> Iterable[etree._Element]:
     """Write <visual> or <collision>; nothing for a shape that cannot be used."""
     match shape.geometry:
         case Box(size):
-            geometry = E.box(E.size(_text(size)))
+            geometry = E.box(E.size(digits(size)))
         case Sphere(radius):
             geometry = E.sphere(_number("radius", radius))
         case Cylinder(radius, length):
             geometry = E.cylinder(_number("radius", radius), _number("length", length))
         case Mesh(_, Path() as file, scale):
-            geometry = E.mesh(E.uri(file.as_uri()), E.scale(_text(scale)))
+            geometry = E.mesh(E.uri(file.as_uri()), E.scale(digits(scale)))
         case _:
             return
     made = E(kind, _sdf_pose(shape.pose), E.geometry(geometry), name=name)
     if shape.rgba and kind == "visual":
-        made.append(E.material(E.ambient(_text(shape.rgba)), E.diffuse(_text(shape.rgba))))
+        made.append(E.material(E.ambient(digits(shape.rgba)), E.diffuse(digits(shape.rgba))))
     yield made
 
 
 def _sdf_pose(pose: pin.SE3, relative_to: str = "") -> etree._Element:
     words = {"relative_to": relative_to} if relative_to else {}
-    return E.pose(_text((*pose.translation, *pin.rpy.matrixToRpy(pose.rotation))), **words)
+    return E.pose(digits((*pose.translation, *pin.rpy.matrixToRpy(pose.rotation))), **words)
 
 
 def _number(name: str, value: float) -> etree._Element:
     """Write an element that holds a number."""
-    return E(name, _text((value,)))
-
-
-def _text(values: Iterable[float]) -> str:
-    """Write numbers with all their digits."""
-    return " ".join(repr(float(value)) for value in values)
+    return E(name, digits((value,)))

@@ -26,8 +26,7 @@ from spacearm.errors import ModelError, UnsupportedError, called_from_outside, l
 from spacearm.files import write
 from spacearm.model.frames import LWA, PoseLike, sound_pose
 from spacearm.model.joints import JointSpace, joint_vector, outside_limits, warn_outside
-from spacearm.model.task import Task, usual_task, with_length
-from spacearm.model.task_rank import MovableRows
+from spacearm.model.task import MovableRows, Task, usual_task, with_length
 from spacearm.model.wheels import Wheel, wheel_table, wheels_of
 from spacearm.results import Cell, Column, Described, Description, Measure, Table, joint_measures
 from spacearm.signatures import checked
