@@ -380,15 +380,7 @@ def contacts_of(
     progress: Callable[[float, float], object] | None = None,
 ) -> CollisionReport:
     """Check bodies as `collision_check`, with pairs of links that may touch."""
-    motion: SweptMotion
-    if isinstance(thing, Configuration):
-        motion = Floating([thing], np.zeros(1))
-    else:
-        flown = getattr(thing, "swept", None)
-        motion = flown if isinstance(flown, SweptMotion) else Recorded(Motion.of(thing))
-    bodies = Collisions(motion.arm, obstacles_of(obstacles, motion.arm), touching)
-    if not bodies:
-        raise UnsupportedError(f"{motion.arm.name}: {bodies.account}; there is nothing to check")
+    motion, bodies = _moving(thing, obstacles, touching)
     least = []
     for i in range(len(motion)):
         least.append(bodies.margins(motion, float(i)))
@@ -405,3 +397,31 @@ def contacts_of(
         checked=bodies.account,
         unchecked=bodies.without,
     )
+
+
+def contact_on(thing: Motion, obstacles: ObstacleLike | Sequence[ObstacleLike]) -> Contact | None:
+    """Return a contact on a motion as `collision_check` does, without distances at its samples."""
+    motion, bodies = _moving(thing, obstacles, ())
+    return bodies.contact(motion)
+
+
+def _moving(
+    thing: Configuration | Motion,
+    obstacles: ObstacleLike | Sequence[ObstacleLike],
+    touching: Collection[frozenset[str]],
+) -> tuple[SweptMotion, Collisions]:
+    """Return a motion as it is flown, and the bodies that must not meet on it.
+
+    Raises:
+        UnsupportedError: There are none.
+    """
+    motion: SweptMotion
+    if isinstance(thing, Configuration):
+        motion = Floating([thing], np.zeros(1))
+    else:
+        flown = getattr(thing, "swept", None)
+        motion = flown if isinstance(flown, SweptMotion) else Recorded(Motion.of(thing))
+    bodies = Collisions(motion.arm, obstacles_of(obstacles, motion.arm), touching)
+    if not bodies:
+        raise UnsupportedError(f"{motion.arm.name}: {bodies.account}; there is nothing to check")
+    return motion, bodies

@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, positive, shape_of
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
-from spacearm.collisions.separation import collision_check
+from spacearm.collisions.separation import contact_on
 from spacearm.errors import (
     ConfigurationError,
     ImpossibleError,
@@ -29,19 +29,20 @@ from spacearm.errors import (
 )
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import generalized_velocity, momentum_and_torque
-from spacearm.mechanics.floating import STEP, move, placed, walk
-from spacearm.mechanics.jacobian import generalized_jacobian
+from spacearm.mechanics.floating import STEP, attitudes, placed, reactions, walk
 from spacearm.mechanics.target import Target
-from spacearm.mission.braking import braked, largest_torques, outside
+from spacearm.mission.braking import braked, largest_torques
 from spacearm.mission.catch_report import Catch, grasp_of, in_hand, joined
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.motion.following import Followed, follow
-from spacearm.motion.goal import out_of_reach, twist_between
+from spacearm.motion.goal import out_of_reach
 from spacearm.motion.motion import Motion, samples
-from spacearm.planning.many_curves import drifting_attitudes
+from spacearm.planning.account import SearchAccount
+from spacearm.planning.many_curves import drifting_attitudes, rotation_vectors, rotations_of
+from spacearm.planning.optimiser import Target as End
 from spacearm.planning.planner import plan
-from spacearm.planning.problem import Problem
+from spacearm.planning.problem import Problem, bounds_of
 from spacearm.planning.reactions import Wheels, boundless, load_of
 from spacearm.planning.request import Constraints, Joints, PlanRequest, Search
 from spacearm.planning.result import Plan
@@ -56,9 +57,11 @@ NODES = 400
 #: Distance to the singular set that is proven at most [rad], also as a share of that to first
 #: order.
 PROVEN, MOST = math.radians(20.0), 0.7
-#: The same of an approach that is rehearsed, from so many postures at most, and the time in which
-#: these are sought, at most [s].
-COARSE, POSTURES, POSTURES_IN = 10, 8, 30.0
+#: The same of an approach that is rehearsed.
+COARSE = 10
+NO_WAY = "no straight way leads to where the tip could close in"
+#: Intervals into which the first contacts divide the window.
+TIMES = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,21 +168,28 @@ class Approach:
         close = self.approach / self.closing
         return close, close
 
-    def candidates(self) -> list[tuple[float, str]]:
-        """Return times and grapple frames: those in reach first, whose open side faces the arm."""
+    def candidates(self) -> Iterator[list[tuple[float, str]]]:
+        """Yield times and grapple frames, then those half way between, and so on.
+
+        Of each list those in reach come first whose open side faces the arm.
+        """
         early, late = self.window
         early = max(early, sum(self.duration) + 1.0)
-        times = np.linspace(early, late, 13) if late > early else np.array([late])
-        near = []
-        for t in times if late >= early else ():
-            there = self.drifted(float(t))
-            for name in self.grapples:
-                pose = self.target.at(float(t), name).pose
-                off = float(np.linalg.norm(pose.translation - there.com))
-                blocked = pose.act(np.array([0.0, 0.0, -1.0])) - pose.translation
-                facing = blocked @ (there.com - pose.translation) / max(off, 1e-9)
-                near.append((bool(out_of_reach(there, pose)), -facing, float(t), name))
-        return [(t, name) for _, _, t, name in sorted(near)]
+        number = TIMES if late > early else 0
+        times = np.linspace(early, late, number + 1)[: number + 1 if late >= early else 0]
+        while True:
+            near = []
+            for t in times.tolist():
+                there = self.drifted(t)
+                for name in self.grapples:
+                    pose = self.target.at(t, name).pose
+                    off = float(np.linalg.norm(pose.translation - there.com))
+                    blocked = pose.act(np.array([0.0, 0.0, -1.0])) - pose.translation
+                    facing = blocked @ (there.com - pose.translation) / max(off, 1e-9)
+                    near.append((bool(out_of_reach(there, pose)), -facing, t, name))
+            yield [(t, name) for _, _, t, name in sorted(near)]
+            number *= 2
+            times = np.linspace(early, late, number + 1)[1::2]
 
     def path(
         self, t: float, grapple: str, first: Configuration | None = None, nodes: int = NODES
@@ -188,6 +198,15 @@ class Approach:
 
         At the first the joints rest, at the stand-off if None; the tip then takes up the motion of
         the stand-off, and closes in. All rates begin and end at zero relative to both.
+        """
+        frames, joined, clock = self._frames(t, grapple, nodes)
+        rests = frames[:1] * len(frames) if first is None else self._resting(first, clock)
+        return [_between(*pair) for pair in zip(rests, frames, joined, strict=True)], clock
+
+    def _frames(self, t: float, grapple: str, nodes: int) -> tuple[list[pin.SE3], Array, Array]:
+        """Return where the tip would be, had it the target's motion, its share of it, and times.
+
+        Each (2 nodes + 1,): poses, shares, and times from the stand-off to contact at t [s].
         """
         join, close = self.duration
         clock = np.linspace(0.0, join + close, 2 * nodes + 1)
@@ -199,8 +218,7 @@ class Approach:
             pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, -d]))
             for pose, d in zip(frames, away, strict=True)
         ]
-        rests = frames[:1] * len(frames) if first is None else self._resting(first, clock)
-        return [_between(*pair) for pair in zip(rests, frames, joined, strict=True)], clock
+        return frames, joined, clock
 
     def _resting(self, cfg: Configuration, clock: Array) -> list[pin.SE3]:
         """Return where the tip is at times (m,) [s] after a configuration, the joints at rest."""
@@ -215,8 +233,18 @@ class Approach:
             tip.translation += s * drift
         return tips
 
-    def attempt(self, t: float, grapple: str, search: Search) -> Catch:
+    def attempt(
+        self, t: float, grapple: str, ways: Iterator[Joints], search: Search, lasts: float
+    ) -> Catch:
         """Return the catch at a time by a grapple frame.
+
+        Args:
+            t: The time of contact [s].
+            grapple: The grapple frame.
+            ways: Where straight ways end that were not tried yet, from `straight`.
+            search: How to look, until the time is up.
+            lasts: Time after which no other straight way is begun, and which the planner is given
+                to bend one where none is left [s].
 
         Raises:
             SpaceArmError: There is none, or none was found.
@@ -224,61 +252,91 @@ class Approach:
         poses, clock = self.path(t, grapple, nodes=1)
         if why := out_of_reach(self.drifted(t), poses[-1]):
             raise ImpossibleError(why)
-        stands, failed = t - float(clock[-1]), NoSolutionError("no time was left")
-        ends = time.monotonic() + search.timeout
-        for goal in self._ends(t, grapple, poses[0], search):
-            if (left := ends - time.monotonic()) <= 0.0:
-                break
+        stands, ends = t - float(clock[-1]), time.monotonic() + lasts
+        failed = NoSolutionError(NO_WAY)
+        for goal in ways:
             try:
-                reach = self._reach(goal, stands, replace(search, timeout=left))
-                return self._caught(t, grapple, reach)
+                return self._caught(t, grapple, self._reach(goal, stands, search))
             except NoSolutionError as error:
                 failed = error
-        raise failed
+            if time.monotonic() >= ends:
+                raise failed
+        left = ends - time.monotonic()
+        if left <= 0.0 or (search.method == "straight" and not self.moving):
+            raise failed
+        look = replace(search, timeout=min(left, search.timeout))
+        return self._caught(t, grapple, self._reach(poses[0], stands, look))
 
-    def _ends(
-        self, t: float, grapple: str, stand: pin.SE3, search: Search
-    ) -> Iterator[pin.SE3 | Joints]:
-        """Yield goals at the stand-off from which the tip can be led to contact, then its pose.
+    def straight(self, t: float, grapple: str, search: Search) -> Iterator[Joints]:
+        """Yield where straight ways to the stand-off end from which the tip can be led to contact.
 
-        The first are postures where straight joint motions end, those from which the approach
-        takes the least of the joints' rates before others. With momentum the planner bends ways.
+        Those come first from which the approach takes the least of the joints' rates. There are
+        none with momentum: the planner bends ways.
         """
         if self.moving:
-            yield stand
             return
-        start, rates = self.floats, self.constraints.joint_rates(self.start.arm)
-        request = self._planned(stand, replace(search, timeout=POSTURES_IN))
-        request = replace(request, start=start, held=self.start.arm if self.wheels else None)
-        room = rates * (t - sum(self.duration)) / PEAK
+        start, constraints = self.floats, self.constraints
+        tip = self.path(t, grapple, nodes=1)[0][0]
+        target = End(tip, None, None, 0.0, *bounds_of(start, constraints.limits))
+        room = constraints.joint_rates(self.start.arm) * (t - sum(self.duration)) / PEAK
         rng = np.random.default_rng((search.seed, int(1e3 * t)))
-        target = Problem.of(request).target
-        found = ramp_ends(start, target, np.eye(3), room, rng, request.account)
-        known = [(self._rehearsed(t, grapple, move(start, q)), q) for q in found[:POSTURES]]
-        for share, q in sorted(known, key=lambda one: one[0]):
-            if share <= 1.0:
-                yield Joints(q)
-        yield stand
+        account = SearchAccount(search.timeout)
+        found = ramp_ends(start, target, np.eye(3), room, rng, account)
+        if not len(found):
+            return
+        share, Q, turns = self.rehearsed(t, grapple, found)
+        u = np.linspace(0.0, 1.0, Q.shape[1])[:, None]
+        ways = np.hstack((start.q + u * (found[:, None] - start.q), Q)).reshape(-1, start.arm.n)
+        clear = evaluate(start.arm, ways, ("distance",))["distance"].reshape(len(Q), -1)
+        clear = np.minimum(clear.min(axis=1), PROVEN / MOST)
+        clock = self.path(t, grapple, nodes=COARSE)[1]
+        for i in np.lexsort((share, -clear)):
+            if share[i] <= 1.0 and not self._meets(clock, Q[i], turns[i], t):
+                yield Joints(found[i])
 
-    def _rehearsed(self, t: float, grapple: str, stand: Configuration) -> float:
-        """Return the largest share of their rates that joints take on the approach, in few steps.
+    def _meets(self, clock: Array, Q: Array, T: Array, t: float) -> bool:
+        """Return whether bodies meet on rows of an approach; at contact most do that do."""
+        start = self.floats
+        rows = samples([placed(start, *row) for row in zip(Q, T, strict=True)])
+        for part in (slice(-2, None), slice(None)) if self.constraints.collisions else ():
+            way = Motion(start.arm, clock[part], rows["q"][part], rows["base"][part])
+            around = self._as_obstacle(t - float(clock[-1]))
+            if contact_on(way, around):
+                return True
+        return False
 
-        It is infinite if joint limits or the target are in the way.
+    def rehearsed(self, t: float, grapple: str, Q: Array) -> tuple[Array, Array, Array]:
+        """Lead the tip from straight ways' ends (m, n) to contact, in a few steps, all at once.
+
+        Returns:
+            (m,) the largest share of their rates that joints take, infinite beyond joint limits;
+            (m, k, n) joint positions and (m, k, 3, 3) attitudes on the way.
         """
-        poses, clock = self.path(t, grapple, stand, COARSE)
-        arm, most = self.floats.arm, self.constraints.joint_rates(self.start.arm)
-        rows, share = [stand], 0.0
-        for pose in poses[1:]:
-            here = rows[-1]
-            dq = np.linalg.pinv(generalized_jacobian(here)) @ twist_between(here.tip, pose)
-            share = max(share, float((np.abs(dq) / most).max() / clock[1]))
-            if share > 1.0 or (self.constraints.limits and outside(arm, here.q + dq)):
-                return math.inf
-            rows.append(move(here, here.q + dq))
-        way = Motion(arm, clock, **samples(rows))
-        around = self._as_obstacle(t - float(clock[-1]))
-        met = self.constraints.collisions and collision_check(way, obstacles=around).contact
-        return math.inf if met else share
+        start, arm = self.floats, self.floats.arm
+        frames, joined, clock = self._frames(t, grapple, COARSE)
+        most, step = self.constraints.joint_rates(self.start.arm), float(clock[1])
+        T = np.array([attitudes(start, np.stack((start.q, q)))[-1] for q in Q])
+        share, rows, turns = np.zeros(len(Q)), [Q], [T]
+        for frame, b in zip(frames, joined, strict=True):
+            q, T = rows[-1], turns[-1]
+            at = reactions(arm, q)
+            R, r = T @ at.R, start.com + (T @ at.r[..., None])[..., 0]
+            if frame is frames[0]:
+                rests = R, r
+            back = np.swapaxes(rests[0], 1, 2)
+            wanted = rests[0] @ rotations_of(b * rotation_vectors(back @ frame.rotation))
+            turn = rotation_vectors(wanted @ np.swapaxes(R, 1, 2))
+            way = (1.0 - b) * rests[1] + b * frame.translation - r
+            twist = (np.stack((way, turn), axis=1) @ T).reshape(-1, 6, 1)  # spacecraft axes
+            dq = (np.linalg.pinv(at.J) @ twist)[..., 0]
+            share = np.maximum(share, (np.abs(dq) / most).max(axis=1) / step)
+            rows.append(q + dq)
+            turns.append(T @ rotations_of((at.A @ dq[..., None])[..., 0]))
+        ways = np.stack(rows[1:], axis=1)  # the first step is none
+        if self.constraints.limits:
+            beyond = (ways < arm.lower) | (ways > arm.upper)
+            share[beyond.any(axis=(1, 2))] = math.inf
+        return share, ways, np.stack(turns[1:], axis=1)
 
     def _caught(self, t: float, grapple: str, reach: Plan) -> Catch:
         """Return the catch at a time by a grapple frame, from a plan to about the stand-off.
@@ -353,7 +411,7 @@ class Approach:
             found = by_methods(Problem.of(request), {"straight": lambda _: rows})
             return stretched(found, lasts, request.account) if found.t[-1] < lasts else found
 
-        request = self._planned(goal, search)
+        request = self._planned(goal, replace(search, method="auto"))
         return attitude_held(request, floating) if self.wheels else floating(request)
 
     def _reach(self, goal: pin.SE3 | Joints, t: float, search: Search) -> Plan:
@@ -372,7 +430,7 @@ class Approach:
             raise NoSolutionError(f"the way to the stand-off takes {late:.3g} s too long{why}")
         duration = min(t, 1.5 * float(reach.t[-1]))
         around = self._as_obstacle(t - float(reach.t[-1]))
-        if not self.constraints.collisions or not collision_check(reach, obstacles=around).contact:
+        if not self.constraints.collisions or not contact_on(reach, around):
             return reach
         if straight:
             raise NoSolutionError("the straight way to the stand-off meets the target")
@@ -443,7 +501,7 @@ class Approach:
     def _check_contacts(self, motion: Motion) -> None:
         if not self.constraints.collisions:
             return
-        contact = collision_check(motion, obstacles=self._as_obstacle(0.0)).contact
+        contact = contact_on(motion, self._as_obstacle(0.0))
         if contact is not None:
             raise NoSolutionError(f"{' and '.join(contact.links)} meet after {contact.t:.4g} s")
 

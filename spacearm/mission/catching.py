@@ -9,22 +9,23 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from spacearm.errors import ImpossibleError, NoSolutionError, SpaceArmError
 from spacearm.mechanics.target import Target
-from spacearm.mission.approaching import PROVEN, Approach
+from spacearm.mission.approaching import NO_WAY, PROVEN, Approach
 from spacearm.mission.catch_report import Candidate, Catch
 from spacearm.model.arguments import FLOATING, BaseMode
 from spacearm.model.arm import Configuration
-from spacearm.planning.request import Constraints, Search
+from spacearm.planning.request import Constraints, Joints, Search
 from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.sets import singular_set
 
-#: Share of the time that is given to each contact on the first, the second and the third pass.
-SHARES = (1 / 30, 1 / 10, 1 / 3)
+#: Share of the time that is given to each contact on each pass, 0 for one straight way; the first
+#: passes, so many, add contacts half way between.
+SHARES, FINER = (0.0, 0.0, 1 / 30, 1 / 10, 1 / 3), 2
 
 
 @checked
@@ -69,7 +70,8 @@ def catch(
         mode: What the spacecraft does: "free-floating", or "attitude-controlled".
         constraints: What must hold on the way, as for `plan`. Rates and torques are those of the
             description, unless rates are given.
-        search: How to look; `timeout` is that of the whole search [s].
+        search: How to look; `timeout` is that of the whole search [s], and `method` that of ways to
+            the stand-off: with "straight" no others are tried than straight ones.
 
     Returns:
         The catch.
@@ -100,25 +102,27 @@ def catch(
     begun = time.monotonic()
     ends = begun + search.timeout
     tried, found = dict[tuple[float, str], Candidate](), list[Catch]()
-    waiting = request.candidates()
-    for number, share in enumerate(SHARES):
+    kept = dict[tuple[float, str], Iterator[Joints]]()
+    waiting, finer = list[tuple[float, str]](), request.candidates()
+    shares = SHARES[FINER:] if request.moving else SHARES
+    if search.method == "straight" and not request.moving:  # each until the time is up
+        shares = (*SHARES[:FINER], 1.0)
+    for number, share in enumerate(shares):
         again = list[tuple[float, str]]()
+        waiting = next(finer) + waiting if number < FINER else waiting
         for t, name in waiting:
             left = ends - time.monotonic()
             if len(found) >= wanted or left <= 0.0:
                 break
             if search.progress:
                 search.progress(time.monotonic() - begun, search.timeout)
-            look = replace(
-                search,
-                seed=search.seed + number,
-                timeout=min(share * search.timeout, left),
-                progress=None,
-            )
+            look = replace(search, seed=search.seed + number, timeout=left, progress=None)
+            straight = kept.setdefault((t, name), request.straight(t, name, look))
             try:
-                one = request.attempt(t, name, look)
+                one = request.attempt(t, name, straight, look, share * search.timeout)
             except SpaceArmError as error:
-                tried[t, name] = Candidate(t, name, False, str(error))
+                if (t, name) not in tried or tried[t, name].story == NO_WAY:
+                    tried[t, name] = Candidate(t, name, False, str(error))
                 again += [(t, name)] * (not isinstance(error, ImpossibleError))
             else:
                 if not found:  # as long again, at most

@@ -152,7 +152,7 @@ def inverse_kinematics(
         if turning:
             turn = np.zeros((len(rows), 3))
             turn[:, turns] = change[:, arm.n :]
-            T[rows] = T[rows] @ _exp(turn)
+            T[rows] = T[rows] @ rotations_of(turn)
     return q, T, miss
 
 
@@ -391,8 +391,8 @@ def _turned(T: Array, t: Array, D: Array, taken: Array, h: Array) -> Array:
             w1, w2, w3 = np.moveaxis((spins[:, steps] @ left[..., None])[..., 0], 2, 0)
             half = (5.0 * w1 + 8.0 * w2 - w3) / 24.0 + np.cross(w1, w2) / 48.0
             whole = (w1 + 4.0 * w2 + w3) / 6.0 + np.cross(w1, w3) / 12.0
-            out[:, first + 1 : last + 1] = out[:, first, None] @ chained(_exp(whole))
-            middle = out[:, steps] @ _exp(half)
+            out[:, first + 1 : last + 1] = out[:, first, None] @ chained(rotations_of(whole))
+            middle = out[:, steps] @ rotations_of(half)
             if np.abs(out[:, first + 1 : last + 1] - before).max() < SETTLED:
                 break
     return out
@@ -409,6 +409,6 @@ def _stages(x: Array) -> Array:
     return np.stack((x[:, :-1:2], x[:, 1::2], x[:, 2::2]), axis=2)
 
 
-def _exp(w: Array) -> Array:
+def rotations_of(w: Array) -> Array:
     """Return the rotations (..., 3, 3) of rotation vectors (..., 3)."""
     return Rotation.from_rotvec(w.reshape(-1, 3)).as_matrix().reshape(*w.shape, 3)

@@ -251,8 +251,10 @@ def _curves(motion: Motion, rows: npt.NDArray[np.int64]) -> Iterator[Curves]:
         yield Curves("R from the CM", "m", ["R"], radius[:, None])
     if (torque := getattr(motion, "torque", None)) is not None:
         yield Curves("torques", "N m or N" if len(sliding) else "N m", names, torque[rows])
-    if arm.wheels and (wheels := getattr(motion, "wheels", None)) is not None:
-        yield Curves("wheels", "N m s", [wheel.name for wheel in arm.wheels], wheels[rows])
+    spins = (("wheels", "N m s", "wheels"), ("wheel torques", "N m", "wheel_torque"))
+    for what, unit, name in spins if arm.wheels else ():
+        if (load := getattr(motion, name, None)) is not None:
+            yield Curves(what, unit, [wheel.name for wheel in arm.wheels], load[rows])
     pushes: dict[str, Array] = dict(getattr(motion, "wrenches", {}))
     for link, short in zip(pushes, short_names(list(pushes)), strict=True):
         for what, unit, part in (("force", "N", slice(3)), ("torque", "N m", slice(3, 6))):

@@ -1,11 +1,15 @@
 """Catches: contact without impact, momentum by parts, limits kept, and clear reasons why not."""
 
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import load_text, with_wheels
+from helpers.arms import load_text, numbers, with_wheels
+from scipy.interpolate import BPoly
 
 import spacearm as sa
+from spacearm.mission.approaching import Approach
 from spacearm.mission.braking import braked
 from spacearm.mission.catch_report import grasp_of
 
@@ -13,6 +17,8 @@ START = np.array([0.0, 0.6, 0.0, 1.2, 0.0, 0.8, 0.0])
 RING = sa.pose((0, 0, -0.45))
 LARGE = sa.WheelHold(stiffness=0.0, damping=0.0, torque=20.0, capacity=40.0)
 HELD = "attitude-controlled"
+STRAIGHT = sa.Search(method="straight", timeout=3600.0)
+"""Straight ways only: so many tries, however loaded the machine is."""
 
 
 def tumbling(cfg, w=(0.02, 0.03, 0.02), off=(0.1, 0.1, 0.35), mass=60.0, **changes) -> sa.Target:
@@ -27,7 +33,7 @@ def tumbling(cfg, w=(0.02, 0.03, 0.02), off=(0.1, 0.1, 0.35), mass=60.0, **chang
 def caught() -> sa.Catch:
     """A catch of a target that tumbles at 2.4 deg/s."""
     start = sa.load("chaser7").at(START)
-    return sa.catch(start, tumbling(start), window=(10, 30), wanted=1)
+    return sa.catch(start, tumbling(start), window=(10, 30), wanted=1, search=STRAIGHT)
 
 
 def test_at_contact_the_tip_has_pose_and_twist_of_the_frame(caught):
@@ -54,6 +60,24 @@ def test_the_way_is_one_from_the_start_to_contact(caught):
     np.testing.assert_allclose(caught.chase.dq[0], np.zeros(7), rtol=0, atol=1e-5)
     most = [way.arm.tree.joints[name].velocity for name in way.arm.joint_names]
     assert (np.abs(caught.chase.dq) <= most).all()
+
+
+def test_a_rehearsed_approach_is_about_the_one_that_is_led(caught):
+    """All at once in few steps: where it ends, how the spacecraft has turned, and the rates."""
+    start, rates = caught.plan[0], sa.Constraints().joint_rates(caught.arm)
+    request = Approach.of(
+        start, caught.target, None, (10.0, 30.0), 0.2, 0.05, None, (np.inf, np.inf),
+        sa.Constraints(), "free-floating",
+    )  # fmt: skip
+    share, Q, turns = request.rehearsed(caught.t, caught.grapple, caught.plan.q[[-1, -1]])
+    np.testing.assert_array_equal(Q[0], Q[1])
+    np.testing.assert_allclose(Q[0, -1], caught.chase.q[-1], rtol=0, atol=0.03)
+    away = pin.log3(turns[0, -1].T @ caught.chase[-1].base.rotation)
+    assert np.linalg.norm(away) < 0.01
+    tip = start.arm.at(Q[0, -1], base=pin.SE3(turns[0, -1], np.zeros(3))).centred(start.com).tip
+    frame = caught.target.at(caught.t, caught.grapple).pose
+    assert np.linalg.norm(pin.log6(tip.actInv(frame)).vector) < 0.01
+    assert share[0] == pytest.approx((np.abs(caught.chase.dq) / rates).max(), rel=0.2)
 
 
 @pytest.mark.slow
@@ -175,7 +199,7 @@ def test_with_momentum_on_board_it_catches_as_simulated(mode):
     arm = load_text(with_wheels("chaser7", np.eye(3), torque=20.0, rate=4000.0), task="pose")
     start = drifting(arm.at(START), mode)
     target = tumbling(start)
-    search = sa.Search(timeout=300.0)
+    search = sa.Search(timeout=3600.0)  # until one is found
     catch = sa.catch(start, target, window=(10, 30), wanted=1, mode=mode, search=search)
     flight, met = catch.fly(integration=sa.Integration(dt=0.1)), target.at(catch.t, "ring")
     assert np.linalg.norm(pin.log6(flight.phases[1][-1].tip.actInv(met.pose))) < 1e-6
@@ -210,7 +234,14 @@ def test_wheels_that_cannot_hold_the_target_are_named():
         wheels = sa.WheelHold(stiffness=0.0, damping=0.0, **small)
         kept = sa.Constraints(wheels=wheels)
         with pytest.raises(sa.NoSolutionError, match=r"wheel about . at most"):
-            sa.catch(start, tumbling(start), window=(12, 12), mode=HELD, constraints=kept)
+            sa.catch(
+                start,
+                tumbling(start),
+                window=(12, 12),
+                mode=HELD,
+                constraints=kept,
+                search=STRAIGHT,
+            )
 
 
 @pytest.mark.slow
@@ -218,8 +249,8 @@ def test_wheels_that_cannot_hold_the_target_are_named():
 def test_after_contact_wheels_take_up_what_they_can(rate, rests):
     """Within torque and capacity; what is left is the momentum that no wheel holds, and turns."""
     arm = load_text(with_wheels("chaser7", np.eye(3), torque=0.5, rate=rate), task="pose")
-    start, search = arm.at(START), sa.Search(timeout=300.0)
-    catch = sa.catch(start, tumbling(start), window=(10, 30), wanted=1, search=search)
+    start = arm.at(START)
+    catch = sa.catch(start, tumbling(start), window=(10, 30), wanted=1, search=STRAIGHT)
     flight = catch.fly(integration=sa.Integration(dt=0.1))
     assert flight.names == ("approach", "closing in", "braking", "detumbling")
     assert np.abs(flight.wheel_torque).max() <= 0.5 * (1.0 + 1e-9)
@@ -279,13 +310,89 @@ def test_mistakes_are_named(change, words):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_random_targets_before_the_hand_are_caught(seed):
-    """20 to 150 kg, 0.5 to 3 deg/s about random axes: caught within a minute, as simulated."""
+    """20 to 150 kg, 0.5 to 3 deg/s about random axes: caught, and its tip meets the frame."""
     rng = np.random.default_rng(seed)
     start = sa.load("chaser7").at(START)
     w = rng.normal(size=3)
     w *= np.radians(rng.uniform(0.5, 3.0)) / np.linalg.norm(w)
     target = tumbling(start, w=w, mass=rng.uniform(20, 150), off=(*rng.normal(size=2) / 10, 0.3))
-    catch = sa.catch(start, target, window=(9, 40), wanted=1, search=sa.Search(timeout=120))
-    assert catch.fly().captures[0].energy_lost < 1e-6
+    search = sa.Search(timeout=3600.0)  # until one is found
+    catch = sa.catch(start, target, window=(9, 40), wanted=1, search=search)
+    assert catch.place_error < 1e-6
+    assert np.abs(catch.twist_error).max() < 1e-5
+
+
+def test_a_method_is_that_of_the_ways_to_the_stand_off():
+    """With "straight" no others are looked for."""
+    start = sa.load("chaser7").at(START)
+    near = tumbling(start, off=(0.0, 0.0, -1.5))  # in the spacecraft
+    with pytest.raises(sa.NoSolutionError, match="straight way"):
+        sa.catch(start, near, window=(10, 10), search=STRAIGHT)
+
+
+@pytest.mark.slow
+def test_mujoco_flies_the_same_way(caught, tmp_path):
+    """Its own model and integrator, under the torques of the plan alone, and its own target.
+
+    From contact on it is the model of the arm with the target, whose parts move on as they did.
+    """
+    mujoco = pytest.importorskip("mujoco")
+    step, target = 0.002, caught.target
+
+    def of(model):
+        model.opt.timestep, model.opt.integrator = step, mujoco.mjtIntegrator.mjINT_RK4
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        model.dof_damping[:] = model.dof_frictionloss[:] = 0.0
+        return model, mujoco.MjData(model)
+
+    def placed(data, pose):
+        x, y, z, w = pin.Quaternion(pose.rotation).coeffs()
+        data.qpos[:7] = (*pose.translation, w, x, y, z)
+
+    I = target.inertia
+    six = [I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]]
+    text = (
+        '<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/><inertial '
+        f'pos="{numbers(target.com)}" mass="{target.mass}" fullinertia="{numbers(six)}"/>'
+        "</body></worldbody></mujoco>"
+    )
+    debris, free = of(mujoco.MjModel.from_xml_string(text))
+    placed(free, target.pose)
+    free.qvel[:3], free.qvel[3:] = target.twist[:3], target.pose.rotation.T @ target.twist[3:]
+    count = int(np.ceil(caught.t / step))
+    debris.opt.timestep = caught.t / count
+    for _ in range(count):
+        mujoco.mj_step(debris, free)
+    turn = pin.Quaternion(*free.qpos[3:7]).matrix()
+    met = pin.SE3(turn, free.qpos[:3].copy()) * target.frame(caught.grapple)
+
+    data, off = None, []
+    for motion in (caught.plan, caught.chase, caught.brake):
+        arm, way = motion[0].arm, motion.spline
+        if motion is caught.chase:
+            rows = zip(motion.q, motion.dq, motion.ddq, strict=True)
+            way = BPoly.from_derivatives(motion.t, [list(row) for row in rows])
+        model, state = of(mujoco.MjModel.from_xml_path(str(sa.to_mjcf(arm, tmp_path / "m.xml"))))
+        if data is None:
+            placed(state, caught.plan[0].base)
+            state.qpos[7:] = caught.plan.q[0]
+        else:
+            state.qpos[:], state.qvel[:] = data.qpos, data.qvel
+        data = state
+        stops = np.unique(np.linspace(0, len(motion) - 1, 9).astype(int))
+        for i, j in pairwise(stops):
+            count = int(np.ceil((motion.t[j] - motion.t[i]) / step))
+            model.opt.timestep = h = (motion.t[j] - motion.t[i]) / count
+            for t in motion.t[i] + h * (np.arange(count) + 0.5):
+                cfg = arm.at(way(t)).with_momentum(motion[0].momentum)
+                data.qfrc_applied[6:] = sa.inverse_dynamics(cfg, way(t, 1), way(t, 2)).tau
+                mujoco.mj_step(model, data)
+            mujoco.mj_kinematics(model, data)
+            site = data.site(caught.arm.tip)
+            tip = pin.SE3(site.xmat.reshape(3, 3).copy(), site.xpos.copy())
+            off.append(np.linalg.norm(pin.log6(motion[j].tip.actInv(tip)).vector))
+        if motion is caught.chase:
+            off.append(np.linalg.norm(pin.log6(met.actInv(tip)).vector))
+    assert max(off) < 5e-5  # the torques lead, nothing corrects: 1e-5 by their rounding

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 import trimesh
 import umsgpack
-from helpers.arms import joint, link, robot, two_links
+from helpers.arms import joint, link, load_text, robot, two_links, with_wheels
 from helpers.catching import caught
 
 import spacearm as sa
@@ -114,6 +114,33 @@ def test_a_flight_is_played_with_what_it_holds(arm):
     assert list(viewer.about()["motion"]["ways"].values()) == ["given"]
     with pytest.raises(sa.UnsupportedError, match="grasps and releases bodies"):
         viewer.compare("fixed")
+
+
+def test_what_wheels_take_up_after_a_grasp_is_played():
+    """Their arrows and curves: what they hold, and the torque that they give."""
+    arm = load_text(with_wheels("planar2", np.eye(3)[2:], torque=0.5, rate=400.0), task="x y")
+    law, damper = sa.JointPD(Q, kp=5.0, kd=5.0), sa.WheelHold(stiffness=0.0, damping=20.0)
+    twist = (0.0, 0.0, 0.0, 0.0, 0.0, 0.3)
+    body = sa.Grasp(mass=20.0, inertia=np.diag([2.0, 3.0, 4.0]), twist=twist)
+    phases = [sa.Phase(law, 0.1, body), sa.Phase(law, 0.5, plant=sa.Plant(wheels=damper))]
+    flight = sa.simulate_phases(arm.at(Q), phases)
+    viewer = sa.view(flight, open=False)
+    told = viewer.about()["motion"]
+    curves = {curve["name"]: curve for curve in told["curves"]}
+    for name, load in (("wheels", flight.wheels), ("wheel torques", flight.wheel_torque)):
+        known = np.interp(told["t"], flight.t, load[:, 0])
+        np.testing.assert_allclose(curves[name]["values"][0], known, atol=1e-3 * abs(load).max())
+        assert abs(load).max() > 0.0
+    scale = []
+    for t in (0.3, 0.6):
+        viewer.handle({"do": "time", "t": t})
+        viewer.draw()
+        scene = {key: umsgpack.unpackb(data) for key, data in viewer.window._scene.items()}
+        node = Key(("spacearm", "wheels", "0", "arrow"), "set_transform")
+        arrow = np.reshape(scene[node]["matrix"], (4, 4)).T
+        held = np.interp(t, flight.t, flight.wheels[:, 0])
+        scale.append(np.linalg.norm(arrow[:3, 1]) / abs(held))
+    assert scale[0] == pytest.approx(scale[1], rel=1e-3)
 
 
 def test_what_is_held_is_drawn_with_its_inertia():
