@@ -110,7 +110,7 @@ def turned_along(motion, h):
     return most
 
 
-@pytest.mark.parametrize("seed", [0, 1, 5, 11, 20, 22])
+@pytest.mark.parametrize("seed", [0, 5, 11, 22])
 def test_the_spacecraft_rests_in_a_replay_as_long_as_claimed(seed):
     """Of random arms, most of which come to where D_q loses rank; there the motion ends."""
     arm = load_text(random_chain(seed, 3 + seed % 5), tip="tip")

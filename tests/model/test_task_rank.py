@@ -38,7 +38,8 @@ PLANAR = chain((TURN, Z), (TURN, Z), (TURN, Z), com=(0.25, 0, 0))
 def ranks(arm: sa.SpaceArm, mode: str) -> int:
     """The largest rank of J* at random postures, by Pinocchio's matrices."""
     Q = np.random.default_rng(5).uniform(-2.0, 2.0, (4, arm.n))
-    J = [sa.singularity(arm.at(q), mode=mode).jacobian for q in Q]
+    rows = [ROWS.index(row) for row in arm.task.rows]  # of the spacecraft, whose attitude is 1
+    J = [sa.generalized_jacobian(arm.at(q), mode=mode)[rows] for q in Q]
     return max(int(np.linalg.matrix_rank(one, tol=1e-9)) for one in J)
 
 
