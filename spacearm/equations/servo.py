@@ -13,7 +13,7 @@ of position and beyond `stop`. A change of direction that the accelerations do n
 with braking instead. Braking is always allowed by what held a tick before.
 
 The distance is that to singular postures that are followed from tick to tick: three, the nearest
-that are known, and four scouts that set out from the first-order estimate and at random, and take
+that are known, and four scouts that set out from the arm's posture and at random, and take
 the place of the farthest, or of one close by, when they come to rest nearer. So each of them is
 found, and the nearest of all is no farther. Where the set folds, steps along it may come to rest
 nowhere: a scout that is so near to the arm, and to the set beside it, that something nearer must be
@@ -51,7 +51,7 @@ Frame = Literal["inertial", "spacecraft", "tip"]
 KEPT, SCOUTS = 3, 4
 SLOTS = KEPT + SCOUTS
 #: Ticks until a scout sets out again, and until motion begins after nothing was known.
-PATIENCE, SEARCH = 24, 60
+PATIENCE, SEARCH = 24, 80
 #: Residual beyond which a posture is not on the set, way below which a scout is at rest, distance
 #: below which two are one, longest step [rad].
 LOST, AT_REST, APART, STRIDE = 0.1, 0.02, 0.05, 0.4
@@ -197,6 +197,7 @@ class Followed(NamedTuple):
         share: Share of it that it takes.
         offset: (n,) of that point from the arm's posture.
         far: Residual: its own distance from the set.
+        normal: (n,) of the set linearised there.
     """
 
     point: Any
@@ -204,6 +205,7 @@ class Followed(NamedTuple):
     share: Any
     offset: Any
     far: Any
+    normal: Any
 
 
 def shapes(kind: Any, n: int, tips: int) -> dict[str, tuple[int, ...]]:
@@ -307,17 +309,16 @@ def step(
     R = attitude(xp, quaternion)
     J = task_jacobian_at(xp, tree, at) * radians
     least = least_with_vectors(xp, J)
-    estimate = distance(xp, tree, p, q, limits.fading, radians)
     fresh = xp.logical_or(jumps, xp.logical_not(began))
     count = xp.where(fresh, 0.0, memory.count + 1.0)
     follow = _follower(xp, tree, p, x, limits.fading, radians)
-    known, after = _follow(xp, follow, x, estimate, memory, fresh, count, limits)
+    known, after = _follow(xp, follow, x, memory, fresh, count, limits)
     searching = count < SEARCH
     halt = xp.where(halt > 0.0, halt, xp.where(jumps, 6.0, xp.where(searching, 7.0, 0.0)))
 
-    far, offset = _nearest(xp, known)
+    far, offset, normal = _nearest(xp, known)
     away = -offset * (1.0 / xp.where(xp.logical_and(far > 0.0, far < np.inf), far, 1.0))
-    away = xp.where(far > 0.0, away, estimate[2][0])
+    away = xp.where(far > 0.0, away, normal)
     turns = _axes(frame, R, at, len(tree.tips))
     wished = _turned(xp, turns, twist) - _drift(xp, tree, at, R, momentum)
     v = tree.scale[:, 0] * wished[np.array(tree.rows)]
@@ -374,7 +375,7 @@ def _follower(xp: Any, tree: Structure, p: Parameters, x: Any, fading: Any, radi
         step = share * _at_most(xp, size, STRIDE) * way
         return (
             xp.where(there, point + step, np.inf), xp.where(there, way, 0.0), share,
-            xp.where(there, offset, 0.0), xp.where(there, far, np.inf),
+            xp.where(there, offset, 0.0), xp.where(there, far, np.inf), rows[0],
         )  # fmt: skip
 
     called = xp.procedure(follow)
@@ -385,7 +386,6 @@ def _follow(
     xp: Any,
     follow: Any,
     x: Any,
-    estimate: Any,
     memory: Memory,
     fresh: Any,
     count: Any,
@@ -414,8 +414,7 @@ def _follow(
         least = limits.slow if i % 2 else limits.stop
         wide = xp.minimum(BEYOND * xp.maximum(nearest, least), WITHIN) * sqrt(3.0 / len(x))
         starts.append(x + wide * _chance(xp, SCOUTS * count + i, len(x)))
-    hint = x - xp.where(estimate[0] < WITHIN, estimate[0], WITHIN) * estimate[2][0]
-    starts[0] = xp.where(_rest(xp, count, 2.0) < 0.5, hint, starts[0])
+    starts[0] = xp.where(_rest(xp, count, 4.0) < 0.5, x, starts[0])
     for i, start in zip(range(KEPT, SLOTS), starts, strict=True):
         scout = found[i]
         rests = xp.logical_and(sizes[i] < np.inf, _norm(xp, scout.way) < AT_REST)
@@ -490,13 +489,12 @@ def _rest(xp: Any, x: Any, size: float) -> Any:
     return x - size * xp.floor(x / size)
 
 
-def _nearest(xp: Any, known: list[Followed]) -> tuple[Any, Any]:
-    """Return distance and offset of the nearest posture that is followed."""
-    far, offset = known[0].far, known[0].offset
+def _nearest(xp: Any, known: list[Followed]) -> tuple[Any, Any, Any]:
+    """Return distance, offset and normal of the nearest posture that is followed."""
+    nearest = known[0]
     for one in known[1:]:
-        nearer = one.far < far
-        far, offset = xp.where(nearer, one.far, far), xp.where(nearer, one.offset, offset)
-    return far, offset
+        nearest = _either(xp, one.far < nearest.far, one, nearest)
+    return nearest.far, nearest.offset, nearest.normal
 
 
 def _axes(frame: Frame, R: Any, at: Posture, tips: int) -> list[Any]:
