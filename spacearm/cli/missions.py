@@ -119,7 +119,7 @@ def find_catch(
     return Answer(flight, written=save_phases(flight, save))
 
 
-@opt.answering("held")
+@opt.answering("held", "view")
 def hold_target(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,

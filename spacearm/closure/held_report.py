@@ -16,7 +16,8 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Progress
 from spacearm.closure.closing import ClosedMotions, Closure, closed_motions, named, placed
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.description.loops import balls
+from spacearm.errors import ConfigurationError, listed, unknown
 from spacearm.mechanics.distance import Linearisation, RankDistances, project, rank_distances
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.mechanics.target import Target
@@ -46,6 +47,8 @@ STEPS, STRIDE = 60, 0.3
 #: Distance from the set at which a posture is singular, and the last step [rad].
 THERE, SETTLED = 1e-8, 1e-6
 
+#: How far hinges lock that are what is near, as shares of the distance: least, and most.
+LOCKING = (0.1, 1.1)
 #: What may be left open of a closed posture.
 OPEN = 1e-9
 #: Most points along each direction.
@@ -106,11 +109,31 @@ class HeldReport(Result):
         if not self.mobility:
             return f"{kind}: the chain is rigid, and what is held cannot move"
         if self.nearest is not None:
-            return f"{kind}, along closure: {nearness(self.distance, self.distance_proven)}"
+            near = nearness(self.distance, self.distance_proven)
+            return f"{kind}, along closure: {near}{self._locking}"
         if self.distance > FAR:
             return f"{kind}: no singular posture is near along closure, to first order"
-        far = angle(self.distance)
-        return f"{kind}: a singular posture about {far} away along closure, to first order"
+        far = f"about {angle(self.distance)} away along closure, to first order"
+        return f"{kind}: a singular posture {far}{self._locking}"
+
+    @property
+    def _locking(self) -> str:
+        """Which hinges lock no farther away, and that the ball joint that they stand for does not.
+
+        The angles of three hinges in a row lock where the one in the middle is at 90 degrees.
+        """
+        cfg = self.configuration
+        for hinges in balls(cfg.arm.whole):
+            if hinges[1] in cfg.arm.joint_names:
+                middle = float(cfg.q[cfg.arm.joint_names.index(hinges[1])])
+                room = abs(np.arccos(np.clip(abs(np.sin(middle)), 0.0, 1.0)))
+                least, most = (share * self.distance for share in LOCKING)
+                if least <= max(room, self.tolerance) and room <= max(most, self.tolerance):
+                    return (
+                        f"; {listed(hinges)} stand for a ball joint and lock {angle(room)} away, "
+                        "where the ball joint itself is not singular"
+                    )
+        return ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain data, with the verdict."""

@@ -23,7 +23,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.closure.closing import Closure, Gaps, closed_motions
 from spacearm.closure.held_report import closed_distances
-from spacearm.description.tree import free_name
+from spacearm.description.tree import Tree, free_name
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.mechanics.target import Target
@@ -46,6 +46,17 @@ from spacearm.motion.following import (
 from spacearm.motion.motion import carried_along, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.results import Cell, Description, Measure, Table
+
+
+def with_target(cfg: Configuration, target: Target, at: pin.SE3) -> tuple[Configuration, Tree]:
+    """Return a configuration with a target at a pose in the frame of its first tip, and its tree.
+
+    The names of its links are made free of those of the arm.
+    """
+    tree, name = cfg.arm.whole, free_name("target", cfg.arm.whole.has)
+    body = target.tree.renamed(lambda part: f"{name}_{part}")
+    arm = cfg.arm.on(tree.joined(body, name, cfg.arm.tips[0], at))
+    return arm.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=cfg.momentum), body
 
 
 class Carrying:
@@ -75,12 +86,8 @@ class Carrying:
                 "the tips hold the fixed world, which nothing moves; give a target to sa.hold"
             )
         self.free, self.target, self.grasps = cfg.arm, target, tuple(grasps.values())
-        tree, name = cfg.arm.whole, free_name("target", cfg.arm.whole.has)
-        body = target.tree.renamed(lambda part: f"{name}_{part}")
+        self.start, body = with_target(cfg, target, self.grasps[0].inverse())
         self.link, self._parts = body.root, set(body.links)
-        at = self.grasps[0].inverse()
-        arm = cfg.arm.on(tree.joined(body, name, cfg.arm.tips[0], at))
-        self.start = arm.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=cfg.momentum)
         self._closure = Closure(self.free, self.grasps, fixed=False, limits=False)
 
     @property

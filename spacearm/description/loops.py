@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -188,6 +189,18 @@ def with_ball_joints(tree: Tree, path: object) -> Tree:
         return tree
     note = f"points held by {listed(balls)} are ball joints of three hinges without mass each"
     return replace(tree, loops=tuple(loops), notes=(*tree.notes, note))
+
+
+def balls(tree: Tree) -> list[tuple[str, ...]]:
+    """Return the hinges, three each, that stand for the points that a closed chain holds."""
+    rows = [tree.chain(loop.link)[-3:] for loop in tree.loops if loop.link in tree.marks]
+    return [
+        tuple(joint.name for joint in row)
+        for row in rows
+        if len(row) == 3
+        and all(j.kind == "continuous" and j.child in tree.marks for j in row)
+        and all(b.parent == a.child for a, b in pairwise(row))
+    ]
 
 
 def holding_each_other(tree: Tree, pairs: Mapping[str, str]) -> Tree:

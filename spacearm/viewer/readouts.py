@@ -45,9 +45,9 @@ def about(arm: SpaceArm) -> dict[str, Any]:
     wheels = wheel_table(arm.model, arm.wheels)
     return {
         "model": arm.name,
-        "tip": arm.tip,
+        "tip": ", ".join(arm.tips),
         "tip_reason": arm.tip_reason,
-        "task": list(arm.task.rows),
+        "task": list(arm.task.rows) if len(arm.tips) == 1 else [],  # several are not grabbed
         "unit": arm.sigma_unit,
         "meaning": IN_WORDS,
         "missing": listed(_missing_meshes(arm)),
@@ -92,8 +92,8 @@ def ranges(box: FreeBox, q: Array, lower: Array, upper: Array) -> dict[str, Any]
 def readout(report: SingularityReport) -> dict[str, Any]:
     """Return what the panel shows of the configuration of a report."""
     cfg = report.configuration
-    directions = np.hstack((report.available, report.lost)).T
-    joints = cfg.arm.joint_names
+    directions = np.hstack((report.available, report.lost)).T if len(cfg.tips) == 1 else np.empty(0)
+    tip, joints = cfg.tips[0], cfg.arm.joint_names
     names = dict(zip(joints, short_names(joints), strict=True))
     return {
         "q": cfg.q.tolist(),
@@ -112,9 +112,9 @@ def readout(report: SingularityReport) -> dict[str, Any]:
         "directions": directions.tolist(),
         "gradient": report.gradient.tolist(),
         "outside": [names[name] for name in cfg.outside_limits],
-        "radius": float(np.linalg.norm(cfg.tip.translation - cfg.com)),
-        "tip": cfg.tip.translation.tolist(),
-        "tip_rpy": pose(cfg.tip)["rpy"],
+        "radius": float(np.linalg.norm(tip.translation - cfg.com)),
+        "tip": tip.translation.tolist(),
+        "tip_rpy": pose(tip)["rpy"],
         "axes": report.axes.T.tolist(),
         "contacts": _contacts(cfg),
     }
@@ -145,11 +145,12 @@ def as_python(cfg: Configuration, source: str, locked: Mapping[str, float], made
     pose = ", ".join(repr(float(x)) for x in pin.SE3ToXYZQUAT(cfg.base))
     known = {info.name for info in catalogue()}
     written = "" if source in known or Path(source).is_file() else f"  # {made}"
+    tip = arm.tips[0] if len(arm.tips) == 1 else list(arm.tips)
     more = f", joints={arm.joints!r}" if arm.joints != "tip" else ""
     more += f", locked={dict(locked)!r}" if locked else ""
     return (
         "import numpy as np\nimport pinocchio as pin\nimport spacearm as sa\n\n"
-        f"arm = sa.load({source!r}, tip={arm.tip!r}, task={arm.task.names!r}{more})"
+        f"arm = sa.load({source!r}, tip={tip!r}, task={arm.task.names!r}{more})"
         f"{written}\n"
         f"base = pin.XYZQUATToSE3(np.array([{pose}]))\n"
         f"cfg = arm.at({cfg.q.tolist()!r}, base=base)\n"

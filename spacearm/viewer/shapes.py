@@ -116,7 +116,7 @@ def _plain_body(arm: SpaceArm, leader: str, lump: list[str]) -> list[DrawnShape]
     ends = [
         poses[leader].actInv(poses[joint.parent]) * joint.origin
         for joint in arm.tree.joints.values()
-        if joint.parent in lump and (joint.movable or joint.child == arm.tip)
+        if joint.parent in lump and (joint.movable or joint.child in arm.tips)
     ]
     bars = [
         DrawnShape(leader, bar(np.zeros(3), end.translation), g.Cylinder(1.0, 0.02 * size), GREY)
@@ -131,8 +131,9 @@ def _size(arm: SpaceArm) -> float:
     """Return the larger of the arm's length and the spacecraft's radius of gyration [m]."""
     base = arm.model.inertias[1]
     gyration = math.sqrt(float(np.trace(base.inertia)) / (2.0 * base.mass)) if base.mass else 0.0
-    links = sum(float(np.linalg.norm(j.origin.translation)) for j in arm.tree.chain(arm.tip)[1:])
-    return max(links, gyration, 1e-3)
+    chains = [arm.tree.chain(tip)[1:] for tip in arm.tips]
+    links = [sum(float(np.linalg.norm(j.origin.translation)) for j in chain) for chain in chains]
+    return max(*links, gyration, 1e-3)
 
 
 class Bodies:

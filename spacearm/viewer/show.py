@@ -45,6 +45,8 @@ def view(
             - a `Region`: its first singular configuration;
             - `FeasibleAttitudes`: the motion along the path from the best of them, with all of them
               around the spacecraft;
+            - a `Held`, or its report: the arms with the target, singular where the closed chain is;
+              what `follow`, `plan` and `simulate` of it return is played;
             - a `Catch`: its flight, with the tumbling target, its grapple frames and the stand-off.
         compare: What a motion is played in step with, as a ghost and by dashed curves: another
             motion, or "free-floating", "attitude-controlled" or "fixed" for the same joint motion
@@ -146,6 +148,16 @@ def _catch(found: Any) -> Viewer:
     return viewer
 
 
+def _held(found: Any) -> Viewer:
+    """Show the arms with the target that they hold; it goes with the first tip."""
+    from spacearm.closure.target_paths import with_target
+
+    cfg, target = found.configuration, found.target
+    if target is None:
+        return _viewer(cfg)
+    return _viewer(with_target(cfg, target, cfg.tips[0].actInv(target.pose))[0])
+
+
 def _region(region: Any) -> Viewer:
     """Show the first singular configuration of a region."""
     if not region.singular:
@@ -186,6 +198,7 @@ RULES = (
     _Rule("a singular set", _has("arm", "nearest"), _nearest),
     _Rule("feasible attitudes", _has("arm", "motion", "start"), _attitudes),
     _Rule("a Catch", _has("arm", "target", "fly"), _catch),
+    _Rule("a Held or its report", _has("configuration", "target"), _held),
     _Rule("a Region", _has("singular", "kind"), _region),
     _Rule(
         "a result with a configuration",

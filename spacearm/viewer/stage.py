@@ -114,7 +114,7 @@ class Scene:
         """Move what needs no Jacobian: bodies, centre of mass, tip and virtual manipulator."""
         self.bodies.place(cfg)
         self.root["centre of mass"].set_transform(at(cfg.com))
-        self.root["tip frame"].set_transform(cfg.tip.homogeneous)
+        self.root["tip frame"].set_transform(cfg.tips[0].homogeneous)
         self._draw_virtual_manipulator(cfg)
 
     def _draw_virtual_manipulator(self, cfg: Configuration) -> None:
@@ -135,16 +135,18 @@ class Scene:
         U, sigma, _ = np.linalg.svd(generalized_jacobian(cfg, mode=mode)[:3])
         radii = np.zeros(3)
         radii[: len(sigma)] = ELLIPSOID_SECONDS * sigma
-        pose = at(cfg.tip.translation)
+        pose = at(cfg.tips[0].translation)
         U[:, 2] *= np.sign(np.linalg.det(U))
         pose[:3, :3] = U * np.maximum(radii, 0.004 * self.size)
         self.root["ellipsoid"]["body"].set_transform(pose)
 
     def _draw_directions(self, cfg: Configuration, report: SingularityReport) -> None:
-        layer, tip = self.root["directions"], cfg.tip.translation
+        layer, tip = self.root["directions"], cfg.tips[0].translation
         singular = report.kind != "regular"
         twist = np.zeros(6)
-        twist[cfg.arm.task.indices] = (report.lost if singular else report.available)[:, -1]
+        rows = len(cfg.arm.task.rows)  # those of the first tip
+        way = (report.lost if singular else report.available)[:rows, -1]
+        twist[cfg.arm.task.indices[:rows]] = way
         linear, angular = report.axes @ twist[:3], report.axes @ twist[3:]
         moves, turns = np.linalg.norm(linear) > 0.3, np.linalg.norm(angular) > 0.3
         _show(layer["lost"], singular and moves)
@@ -411,7 +413,7 @@ class Stage:
 
         def move(cfg: Configuration, t: float) -> None:
             self._move(cfg, t)
-            tips.append(cfg.tip.translation)
+            tips.append(cfg.tips[0].translation)
 
         recorder = self._recorded(self.motion, MOST_POSES, move)
         nodes = recorder.poses(len(tips))

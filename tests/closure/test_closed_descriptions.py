@@ -1,6 +1,7 @@
 """Descriptions of closed chains: MJCF equalities, SDF joints that close a loop, links named."""
 
 import warnings
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -222,6 +223,26 @@ def test_a_point_that_is_connected_is_a_ball_joint(tmp_path):
     report = held.report()
     assert report.mobility == 6
     assert report.internal.shape == (15, 3)
+
+
+def test_hinges_that_lock_are_told_from_what_their_ball_joint_does(tmp_path):
+    """An arm of three joints and a ball joint has none to spare where its hinges lock."""
+    rng = chosen(37)
+    arm = several(rng, (6, 3)).replace(task=POSE)
+    start, _, grasps = rough(arm, rng, off=0.1)
+    closed = loaded(mjcf(arm, rng, grasps, welds(arm, points="t1")), tmp_path, "xml")
+    middle = [name for name in closed.joint_names if name.endswith("box_y")]
+    where = {**dict(zip(arm.joint_names, start.q, strict=True)), middle[0]: np.pi / 2 - 1e-4}
+    cfg = closed.at([where.get(name, 0.2) for name in closed.joint_names], base=start.base)
+    box = sa.hold(closed.at(closed.home), limits=False).target.replace(pose=cfg.tips[0])
+    hands = {tip: box.pose.actInv(pose) for tip, pose in zip(cfg.arm.tips, cfg.tips, strict=True)}
+    report = sa.hold(cfg, box, hands, limits=False).report()
+    assert report.distance < 0.01
+    assert "stand for a ball joint and lock 0.00573° away" in report.verdict
+    assert middle[0] in report.verdict
+    # what is singular nearer, or much farther, is something else
+    for other in (0.5e-4, 0.1):
+        assert "ball joint" not in replace(report, distance=other, tolerance=1e-6).verdict
 
 
 @pytest.mark.filterwarnings("ignore:.*joints .* are left out")

@@ -1,5 +1,7 @@
 """Held targets simulated: closure, balances, forces at the grasps, and what squeezes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -112,6 +114,31 @@ def test_a_path_that_is_followed_is_flown(tmp_path):
     again = sa.Motion.load(tmp_path / "run.npz", run.arm)
     for tip in held.arm.tips:
         np.testing.assert_array_equal(again.grasps[tip], run.grasps[tip])
+
+
+@pytest.mark.slow
+def test_a_path_with_momentum_on_board_is_flown():
+    """What turns the spacecraft on the way is the same by rates as by forces, and stays."""
+    held, far = roomy(4)
+    total = held.arm.mass + held.target.mass
+    momentum = np.concatenate((total * np.array([0.02, -0.01, 0.01]), [0.4, -0.3, 0.2]))
+    held = replace(held, configuration=held.configuration.with_momentum(momentum))
+    goal = held.target.pose * sa.pose((0.5 * far, 0, 0))
+    way = held.follow([goal], times=[1.0], limits=False)
+    assert way.arrived
+    np.testing.assert_array_equal(way.momentum, np.tile(momentum, (len(way), 1)))
+    frames = [pin.XYZQUATToSE3(row) for row in way.target]
+    hands = [held.arm.at(cfg.q, base=cfg.base).com for cfg in way]
+    both = np.array([
+        (held.arm.mass * com + held.target.mass * frame.act(held.target.com)) / total
+        for com, frame in zip(hands, frames, strict=True)
+    ])  # fmt: skip
+    drift = both[0] + np.outer(way.t, momentum[:3] / total)
+    np.testing.assert_allclose(both, drift, atol=1e-8)
+    run = held.simulate(sa.Tracking(way), 1.0, dq=way.dq[0], integration=COARSE)
+    np.testing.assert_allclose(run.momentum[-1], momentum, atol=1e-6 * np.abs(momentum).max())
+    end = held.after(run).target.pose
+    np.testing.assert_allclose(end.actInv(goal).homogeneous, np.eye(4), atol=1e-5)
 
 
 def test_a_grasp_that_bears_too_little_ends_it():

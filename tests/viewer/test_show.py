@@ -10,6 +10,7 @@ import trimesh
 import umsgpack
 from helpers.arms import joint, link, load_text, robot, two_links, with_wheels
 from helpers.catching import caught
+from helpers.closed import roomy
 
 import spacearm as sa
 from spacearm.description.bodies import Inertial
@@ -66,6 +67,32 @@ def test_a_configuration_and_results_that_have_one(arm):
     capture = sa.capture(cfg, np.zeros(6), 2.0)
     assert shown(capture).cfg is capture.configuration
     assert shown(SimpleNamespace(configuration=cfg)).cfg is cfg
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*drawn as plain bodies")
+def test_what_is_held_is_drawn_and_led_with_the_hands(tmp_path):
+    held, far = roomy(tries=1)
+    for thing in (held, held.report()):
+        session = shown(thing)
+        assert session.cfg.q.tolist() == held.q.tolist()
+        assert session.arm.mass == pytest.approx(held.arm.mass + held.target.mass)
+        # singular where the closed chain is: the free hands' J* of both
+        theirs = sa.singularity(held.configuration)
+        assert session.report.kind == theirs.kind
+        assert session.report.sigma.shape == theirs.sigma.shape
+        assert "tip=['t0', 't1']" in session.readout()["python"]
+        assert session.about()["tip"] == "t0, t1"
+    law, brief = sa.JointPD(held.q, kp=0.1, kd=0.1), sa.Integration(dt=0.05)
+    goal = [held.target.pose * sa.pose((0.2 * far, 0, 0))]
+    led = held.follow(goal, limits=False)
+    for motion in (led, held.simulate(law, 0.1, integration=brief)):
+        viewer = sa.view(motion, open=False)
+        viewer.save(tmp_path / "held.html")
+        assert (tmp_path / "held.html").stat().st_size > 1e5
+    rails = dict(zip(held.arm.tips, held.configuration.tips, strict=True))
+    fixed = sa.hold(held.configuration, None, rails, limits=False)
+    assert shown(fixed).arm.mass == held.arm.mass
 
 
 @pytest.mark.slow
@@ -189,7 +216,7 @@ def test_what_has_no_posture_is_refused(thing):
     message = (
         f"a {type(thing).__name__} cannot be shown; give a SpaceArm, a Configuration, a motion "
         r"\(with arm, t, q and base\), a Workspace, a singular set, feasible attitudes, "
-        r"a Catch, a Region, a result with a conf"
+        r"a Catch, a Held or its report, a Region, a result with a conf"
     )
     with pytest.raises(sa.ConfigurationError, match=message):
         shown(thing)

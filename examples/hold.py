@@ -1,0 +1,27 @@
+"""Both arms hold one panel, lead it past a boom, and fly that with a squeeze of 20 N."""
+
+import numpy as np
+
+import spacearm as sa
+
+arm = sa.load("dual_ur5", tip=["left", "right"])
+panel = sa.Target(sa.Bus(90, size=(0.1, 1.0, 0.5), name="panel"), sa.pose((0.7, 0, 0.9)))
+forward = (0, np.pi / 2, 0)  # z of the hands points into what they hold
+handles = {tip: sa.pose((-0.15, y, 0), forward) for tip, y in (("left", 0.35), ("right", -0.35))}
+held = sa.hold(arm.at([-0.2, -1.4, 1.4, 0, 1.4, -1.6] * 2), panel, handles, fixed=True)
+print(held.report().verdict)
+
+goal = panel.pose * sa.pose((-0.1, 0.1, 0.1))
+boom = sa.Obstacle.sphere(0.015, panel.pose * sa.pose((-0.05, 0.535, -0.185)))
+straight = held.follow([goal])
+print("straight:", held.collision_check(straight, boom).story)
+way = held.plan(goal, constraints=sa.Constraints(obstacles=boom), search=sa.Search(seed=2))
+print("planned:", way.reason)
+
+squeeze = {"left": (0, -20, 0, 0, 0, 0), "right": (0, 20, 0, 0, 0, 0)}
+run = held.simulate(sa.Tracking(way), way.t[-1], squeeze=squeeze)
+for tip, wrench in run.grasps.items():
+    print(f"{tip}: up to {np.linalg.norm(wrench[:, :3], axis=1).max():.1f} N")
+print(f"grasps open by {run.gap.max():.0e} m at most")
+# sa.view(way) plays it
+sa.plot(held.after(run)).savefig("hold.png")
