@@ -183,7 +183,7 @@ def test_a_hundred_thousand_explicit_singular_configurations():
     everywhere = rng.uniform(-np.pi, np.pi, (2000, 6))
     worst, median = (
         reduce_(np.linalg.svd(jacobians(arm, rows), compute_uv=False)[:, -1])
-        for rows, reduce_ in ((Q, np.max), (everywhere, np.median))
+        for rows, reduce_ in ((Q[::10], np.max), (everywhere, np.median))
     )
     assert worst < 1e-10 * median
 
