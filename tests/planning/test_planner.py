@@ -134,7 +134,7 @@ def test_attitude_first_turns_to_where_the_line_is_free(arm):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("degrees", [-90, -30, 30, 90])
+@pytest.mark.parametrize("degrees", [-90, 30])
 def test_the_arm_as_attitude_actuator(arm, degrees):
     q = np.array([0.3, 1.2])
     plan = sa.plan(
