@@ -244,12 +244,12 @@ class TipCurve:
         """Return the configuration in a state; the system CM drifts, a fixed spacecraft stays."""
         n = self.arm.n
         if self.mode == "fixed":
-            return self.arm.at(y[:n], base=self.start.base)
+            return kinematics(self.arm, y[:n].copy(), pin.SE3(self.start.base))
         attitude = pin.Quaternion(y[n : n + 4] / np.linalg.norm(y[n : n + 4]))
-        turned = kinematics(self.arm, y[:n].copy(), pin.SE3(attitude, np.zeros(3)))
+        com = self.start.com + y[-1] * self.drift
+        there = kinematics(self.arm, y[:n].copy(), pin.SE3(attitude, np.zeros(3)), com)
         if not self.moving:
-            return turned.centred(self.start.com)
-        there = turned.centred(self.start.com + y[-1] * self.drift)
+            return there
         return there.with_momentum(self.start.momentum).with_wheels(self.start.wheels)
 
     def jacobian(self, cfg: Configuration) -> Array:
@@ -308,14 +308,17 @@ class TipCurve:
         """
         starts = y[-1] < AHEAD
         places, weights = ((0, 1, 2), (-1.5, 2.0, -0.5)) if starts else ((-1, 0, 1), (-0.5, 0, 0.5))
-        tangents = np.array([self._tangent_beyond(y, AHEAD * i) for i in places])
+        here = self.rate(0.0, y)
+        tangents = np.array([self._tangent_beyond(y, here, AHEAD * i) for i in places])
         along, bend = tangents[places.index(0)], np.array(weights) @ tangents / AHEAD
         dq = along[:-1] / along[-1]
         return speed * dq, (speed / along[-1]) ** 2 * (bend[:-1] - bend[-1] * dq)
 
-    def _tangent_beyond(self, y: Array, h: float) -> Array:
-        """Return the tangent a short way h along the curve from a state."""
-        there = y + h * self.rate(0.0, y + 0.5 * h * self.rate(0.0, y)) if h else y
+    def _tangent_beyond(self, y: Array, rate: Array, h: float) -> Array:
+        """Return the tangent a short way h along the curve from a state with its rate."""
+        if not h:
+            return np.append(rate[: self.arm.n], rate[-1])
+        there = y + h * self.rate(0.0, y + 0.5 * h * rate)
         return self.tangent(self.configuration(there), float(there[-1]))
 
     def rooms(self, y: Array) -> Array:
