@@ -13,9 +13,12 @@ import spacearm as sa
 SECTION = re.compile(r"^(Args|Returns|Raises|Warns|Example|Attributes|Yields):$", re.MULTILINE)
 FREE = {"self", "cls"}
 SLOW = {
+    "catch",
     "design.optimise_mount",
     "design.workspaces",
     "design_report",
+    "fly_many",
+    "free_box_for_all",
     "plan",
     "plot",
     "robust_plan",
