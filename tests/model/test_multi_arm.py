@@ -148,7 +148,6 @@ REFUSED = {
     "simulate": lambda c: sa.simulate(c, sa.JointPD(target=c.q, kp=1, kd=1), 1.0),
     "follow": lambda c: sa.follow(c, [c.tips[0]]),
     "plan": lambda c: sa.plan(c, sa.Joints(c.q + 0.1)),
-    "view": lambda c: sa.view(c.arm, open=False),
     "grasp": lambda c: c.arm.grasp(1.0),
     "capture": lambda c: sa.capture(c, np.zeros(6), 1.0),
     "payload": lambda c: c.arm.replace(payload=1.0),

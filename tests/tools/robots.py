@@ -232,7 +232,8 @@ def installed() -> Iterator[Path]:
 
 def table(rows: list[Row], counted: list[Row]) -> Iterator[str]:
     """The lines of the tables, and how many files came to what."""
-    outcomes = [outcome for outcome, _ in Counter(row.outcome for row in rows).most_common()]
+    found = Counter(row.outcome for row in [*rows, *counted])
+    outcomes = [outcome for outcome, _ in found.most_common()]
     yield HEAD
     yield "## Space robots that work\n"
     yield "| robot | file | n | tip | mass [kg] | command |"
