@@ -18,6 +18,9 @@ from spacearm.signatures import checked, shown
 
 #: Shapes stand in the docstrings.
 Array: TypeAlias = npt.NDArray[np.floating[Any]]
+ArrayLike: TypeAlias = npt.ArrayLike
+Booleans: TypeAlias = npt.NDArray[np.bool_]
+Integers: TypeAlias = npt.NDArray[np.signedinteger[Any]]
 #: Called as progress(done, total).
 Progress: TypeAlias = Callable[[int, int], object]
 

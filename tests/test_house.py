@@ -16,7 +16,7 @@ MODULES = sorted(HOUSE.rglob("*.py"))
 FOLDERS = sorted({path.parent for path in MODULES} - {HOUSE})
 NESTED = {"description/readers", "planning/strategies"}
 """Folders in folders: each an idea of its own."""
-MOST_MODULES, MOST_PARAMETERS, MOST_IMPORTS = 220, 12, 0.10
+MOST_MODULES, MOST_PARAMETERS, MOST_IMPORTS = 220, 12, 0.09
 """How many there may be; of imports the share of the lines of code."""
 
 

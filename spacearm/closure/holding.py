@@ -12,10 +12,9 @@ from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, generator
+from spacearm.arrays import Array, ArrayLike, Progress, generator
 from spacearm.closure.closing import Closure, Gaps, named, placed
 from spacearm.closure.held_report import ClosedMap, HeldReport, closed_map, held_report
 from spacearm.closure.target_paths import Carrying, FollowedTarget, Frame, follow_target
@@ -158,9 +157,9 @@ class Held(Result):
         mode: BaseMode = FLOATING,
         length: float | None = None,
         speed: float | None = None,
-        times: npt.ArrayLike | None = None,
+        times: ArrayLike | None = None,
         at_rest: bool = True,
-        rest: npt.ArrayLike | None = None,
+        rest: ArrayLike | None = None,
         limits: bool = True,
         progress: Callable[[float, float], object] | None = None,
     ) -> FollowedTarget:
@@ -244,8 +243,8 @@ class Held(Result):
         controller: Controller,
         duration: float,
         *,
-        dq: npt.ArrayLike | None = None,
-        squeeze: Mapping[str, npt.ArrayLike] | None = None,
+        dq: ArrayLike | None = None,
+        squeeze: Mapping[str, ArrayLike] | None = None,
         bears: Sequence[float] = (np.inf, np.inf),
         integration: Integration = Integration(),
         progress: Callable[[float, float], object] | None = None,

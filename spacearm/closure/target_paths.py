@@ -17,10 +17,9 @@ from functools import cached_property
 from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, ArrayLike
 from spacearm.closure.closing import Closure, Gaps, closed_motions
 from spacearm.closure.held_report import closed_distances
 from spacearm.description.tree import Tree, free_name
@@ -30,19 +29,8 @@ from spacearm.mechanics.target import Target
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.joints import joint_vector
+from spacearm.motion import following
 from spacearm.motion import goal as goals
-from spacearm.motion.following import (
-    RETURN,
-    Followed,
-    Path,
-    Segment,
-    TipCurve,
-    check_start,
-    how_it_ended,
-    lengths_of,
-    path_pieces,
-    rows_along,
-)
 from spacearm.motion.motion import carried_along, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.results import Cell, Description, Measure, Table
@@ -151,7 +139,7 @@ HELD: Mapping[str, Quantity] = {
 BETWEEN = "closure, limits and distances between the rows"
 
 
-class FollowedTarget(Followed, kw_only=True):
+class FollowedTarget(following.Followed, kw_only=True):
     """The motion of arms whose held target follows a path, from `Held.follow`.
 
     Its arm is the arms with the target, which is fixed to the first tip.
@@ -169,7 +157,7 @@ class FollowedTarget(Followed, kw_only=True):
     gap_angle: Array
     closure_distance: Array
 
-    QUANTITIES: ClassVar[Mapping[str, Quantity]] = {**Followed.QUANTITIES, **HELD}
+    QUANTITIES: ClassVar[Mapping[str, Quantity]] = {**following.Followed.QUANTITIES, **HELD}
 
     @property
     def not_checked(self) -> str:
@@ -194,7 +182,7 @@ def gaps_table(motion: Any) -> Table:
     return Table.facts(facts, "At the rows")
 
 
-class TargetCurve(TipCurve):
+class TargetCurve(following.TipCurve):
     """The curve of states along which a held target follows one segment.
 
     Args:
@@ -212,7 +200,7 @@ class TargetCurve(TipCurve):
         self,
         carrying: Carrying,
         cfg: Configuration,
-        segment: Segment,
+        segment: following.Segment,
         mode: BaseMode,
         limits: bool,
         frame: Frame = "inertial",
@@ -238,7 +226,7 @@ class TargetCurve(TipCurve):
         for tip, grasp in zip(cfg.tips, self.carrying.grasps, strict=True):
             there = pose * grasp
             moved = np.concatenate((v + np.cross(w, there.translation - pose.translation), w))
-            x.append(moved + RETURN * goals.twist_between(tip, there))
+            x.append(moved + following.RETURN * goals.twist_between(tip, there))
         return np.concatenate(x)
 
     def adrift(self, cfg: Configuration) -> Array:
@@ -284,20 +272,20 @@ def check_chain(carrying: Carrying, mode: BaseMode, limits: bool, timed: bool) -
             f"{arm.name} has {arm.n} joints for the {arm.task.k} rows of {len(arm.tips)} tips, so "
             "that the target cannot follow any path; Held.report() tells how it can move"
         )
-    check_start(cfg, mode, limits)
+    following.check_start(cfg, mode, limits)
 
 
 def follow_target(
     carrying: Carrying,
-    path: Path,
+    path: following.Path,
     *,
     frame: Frame,
     mode: BaseMode,
     length: float | None,
     speed: float | None,
-    times: npt.ArrayLike | None,
+    times: ArrayLike | None,
     at_rest: bool,
-    rest: npt.ArrayLike | None,
+    rest: ArrayLike | None,
     limits: bool,
     progress: Callable[[float, float], object] | None,
 ) -> FollowedTarget:
@@ -305,20 +293,20 @@ def follow_target(
     start, arm = carrying.start, carrying.arm
     check_chain(carrying, mode, limits, times is not None)
     seen = as_aim(carrying, start, frame)
-    pieces, pace, timed = path_pieces(seen, path, length, speed, times, at_rest)
+    pieces, pace, timed = following.path_pieces(seen, path, length, speed, times, at_rest)
     inner = None if rest is None else joint_vector(arm, rest, "rest")
 
-    def curve(at: Configuration, piece: Segment) -> TargetCurve:
+    def curve(at: Configuration, piece: following.Segment) -> TargetCurve:
         return TargetCurve(carrying, at, piece, mode, limits, frame, inner, 1.0 / pace)
 
-    led, last, place = rows_along(start, pieces, pace, curve, progress)
-    behind, whole = lengths_of(seen, led.s, pieces, timed)
+    led, last, place = following.rows_along(start, pieces, pace, curve, progress)
+    behind, whole = following.lengths_of(seen, led.s, pieces, timed)
     return FollowedTarget(
         t=led.s / pace,
         s=behind,
         length=whole,
         ended=last.kind,
-        reason=how_it_ended(arm, place, behind[-1], whole, last, "target"),
+        reason=following.how_it_ended(arm, place, behind[-1], whole, last, "target"),
         dq=led.dq,
         ddq=led.ddq,
         jumps=led.jumps,

@@ -35,14 +35,7 @@ from spacearm.collisions.swept_motion import Floating
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
-from spacearm.motion.following import (
-    Segment,
-    how_it_ended,
-    lengths_of,
-    rows_along,
-    segments,
-    state_of,
-)
+from spacearm.motion import following
 from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.problem import LEAST
 from spacearm.planning.request import Constraints, Search
@@ -184,9 +177,9 @@ class TargetTree:
         """Lead the target straight to a pose; return the rows, and what stopped it, if anything."""
         self.account.check_time()
         rows = [cfg]
-        for piece in segments(as_aim(self.carrying, cfg, self.frame), [to], None):
+        for piece in following.segments(as_aim(self.carrying, cfg, self.frame), [to], None):
             curve = TargetCurve(self.carrying, cfg, piece, self.mode, False, self.frame)
-            y = state_of(cfg, 0.0)
+            y = following.state_of(cfg, 0.0)
             for step in range(1, MOST_STEPS + 1):
                 rate = curve.rate(0.0, y)
                 if rate[-1] <= 0.0:
@@ -350,14 +343,14 @@ def flown(tree: TargetTree, way: Sequence[pin.SE3]) -> tuple[TargetPlan, str]:
     carrying, mode, constraints = tree.carrying, tree.mode, tree.constraints
     arm, start = carrying.arm, carrying.start
     seen = as_aim(carrying, start, tree.frame)
-    pieces = segments(seen, way, None)
+    pieces = following.segments(seen, way, None)
 
-    def curve(at: Configuration, piece: Segment) -> TargetCurve:
+    def curve(at: Configuration, piece: following.Segment) -> TargetCurve:
         return TargetCurve(carrying, at, piece, mode, constraints.limits, tree.frame)
 
-    led, last, place = rows_along(start, pieces, 1.0, curve, None)
+    led, last, place = following.rows_along(start, pieces, 1.0, curve, None)
     t, rate, bend = resting(led.s, led.dq, pieces, constraints.joint_rates(arm))
-    behind, whole = lengths_of(seen, led.s, pieces, False)
+    behind, whole = following.lengths_of(seen, led.s, pieces, False)
     kept = np.append(np.diff(t) > 0.0, True)  # of rows at the end of a piece the last one
     dq = rate[:, None] * led.dq
     ddq = rate[:, None] ** 2 * led.ddq + bend[:, None] * led.dq
@@ -367,7 +360,7 @@ def flown(tree: TargetTree, way: Sequence[pin.SE3]) -> tuple[TargetPlan, str]:
         s=behind[kept],
         length=whole,
         ended=last.kind,
-        reason=how_it_ended(arm, place, behind[-1], whole, last, "target"),
+        reason=following.how_it_ended(arm, place, behind[-1], whole, last, "target"),
         dq=dq[kept],
         ddq=ddq[kept],
         clearance=tree.clearance,
@@ -388,7 +381,7 @@ def flown(tree: TargetTree, way: Sequence[pin.SE3]) -> tuple[TargetPlan, str]:
 
 
 def resting(
-    s: Array, dq: Array, pieces: Sequence[Segment], rates: Array
+    s: Array, dq: Array, pieces: Sequence[following.Segment], rates: Array
 ) -> tuple[Array, Array, Array]:
     """Return times (m,) of rows, and first and second derivative of s by the time.
 

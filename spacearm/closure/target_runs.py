@@ -19,11 +19,10 @@ from dataclasses import field, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from scipy.integrate import DOP853
 
-from spacearm.arrays import Array, finite, positive
+from spacearm.arrays import Array, ArrayLike, finite, positive
 from spacearm.closure.closing import carried
 from spacearm.closure.target_paths import HELD, Carrying, gaps_table
 from spacearm.compiler import numbers
@@ -319,8 +318,8 @@ def simulate_target(
     controller: Controller,
     duration: float,
     *,
-    dq: npt.ArrayLike | None,
-    squeeze: Mapping[str, npt.ArrayLike] | None,
+    dq: ArrayLike | None,
+    squeeze: Mapping[str, ArrayLike] | None,
     bears: Sequence[float],
     integration: Integration,
     progress: Callable[[float, float], object] | None,
@@ -410,7 +409,7 @@ def _loads(wrenches: Array) -> Array:
     return np.linalg.norm(wrenches.reshape(-1, 2, 3), axis=2)
 
 
-def _squeeze(carrying: Carrying, given: Mapping[str, npt.ArrayLike]) -> Array:
+def _squeeze(carrying: Carrying, given: Mapping[str, ArrayLike]) -> Array:
     """Return the wrenches (tips, 6) by which the hands are to squeeze, axes of the target.
 
     Raises:

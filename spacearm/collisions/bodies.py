@@ -18,10 +18,9 @@ from typing import NamedTuple
 
 import coal
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.collisions.solids import collision_solids, visual_solids
 from spacearm.description.shapes import Visuals
 from spacearm.errors import UnsupportedError, listed
@@ -171,7 +170,7 @@ class Geometry:
     def distances(
         self,
         joints: Array,
-        pairs: npt.NDArray[np.int64],
+        pairs: Integers,
         base: Array | None = None,
         placed: Mapping[int, pin.SE3] = NOWHERE,
     ) -> Array:

@@ -13,10 +13,9 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import coal
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, Array, finite, plain, positive, read_only, shape_of
+from spacearm.arrays import LARGEST, Array, ArrayLike, finite, plain, positive, read_only, shape_of
 from spacearm.collisions.bodies import Bodies, Body, extent
 from spacearm.collisions.solids import hull, link_solids, primitive
 from spacearm.collisions.swept_motion import helix
@@ -203,7 +202,7 @@ class Obstacle:
     may_touch: tuple[str, ...] = ()
 
     @classmethod
-    def box(cls, size: npt.ArrayLike, pose: PoseLike = ORIGIN, **options: Any) -> Obstacle:
+    def box(cls, size: ArrayLike, pose: PoseLike = ORIGIN, **options: Any) -> Obstacle:
         """Return a box.
 
         Args:

@@ -12,10 +12,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.collisions.bodies import LEFT_OUT, Geometry, own_pairs, without_shapes
 from spacearm.collisions.obstacles import Obstacle, ObstacleLike, obstacles_of
 from spacearm.collisions.swept_motion import (
@@ -127,7 +126,7 @@ class Collisions:
         """Return distances (own pairs,) of the arm's bodies, negative where they overlap [m]."""
         return self._distances(self.arm.all_joints(q), None, 0.0, np.arange(self._own))
 
-    def gaps(self, q: Array, pairs: npt.NDArray[np.int64] | None = None) -> Array:
+    def gaps(self, q: Array, pairs: Integers | None = None) -> Array:
         """Return how far bodies of the arm are from contact (pairs,) [m], negative in contact.
 
         Args:
@@ -166,9 +165,7 @@ class Collisions:
         full = motion.full(u)
         return self._distances(full[7:], full[:7], motion.time(u), here) - self._margins
 
-    def _distances(
-        self, joints: Array, base: Array | None, t: float, pairs: npt.NDArray[np.int64]
-    ) -> Array:
+    def _distances(self, joints: Array, base: Array | None, t: float, pairs: Integers) -> Array:
         """Return distances of some pairs (pairs,) [m].
 
         Args:
@@ -224,9 +221,7 @@ class Collisions:
                 waiting += [(u, high, open_ones), (low, u, open_ones)]
         return None
 
-    def _approach(
-        self, motion: SweptMotion, pairs: npt.NDArray[np.int64], low: float, high: float
-    ) -> Array:
+    def _approach(self, motion: SweptMotion, pairs: Integers, low: float, high: float) -> Array:
         """Return how far the obstacles of some pairs move from the middle at most (pairs,) [m]."""
         if not any(obstacle.moves for obstacle in self.obstacles):
             return np.zeros(len(pairs))

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, LEAST_MASS, Array, numbers_of
+from spacearm.arrays import LARGEST, LEAST_MASS, Array, ArrayLike, numbers_of
 from spacearm.errors import ModelError
 from spacearm.signatures import shown
 
@@ -39,8 +38,8 @@ class Inertial(NamedTuple):
     def of(
         cls,
         mass: float,
-        inertia: npt.ArrayLike,
-        com: npt.ArrayLike = (0.0, 0.0, 0.0),
+        inertia: ArrayLike,
+        com: ArrayLike = (0.0, 0.0, 0.0),
         *,
         body: str,
         prefix: str = "",

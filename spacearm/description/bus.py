@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, NO_NUMBERS, Array, Parameters
+from spacearm.arrays import LARGEST, NO_NUMBERS, Array, ArrayLike, Parameters
 from spacearm.description.bodies import LONGEST, Inertial
 from spacearm.description.shapes import Box, Shape, Visuals
 from spacearm.description.tree import Tree
@@ -87,9 +86,9 @@ class Bus(Parameters):
 
     mass: float
     _: KW_ONLY
-    size: npt.ArrayLike | None = None
-    inertia: npt.ArrayLike | None = None
-    com: npt.ArrayLike = (0.0, 0.0, 0.0)
+    size: ArrayLike | None = None
+    inertia: ArrayLike | None = None
+    com: ArrayLike = (0.0, 0.0, 0.0)
     name: str = "bus"
 
     def __post_init__(self) -> None:
@@ -126,7 +125,7 @@ class Bus(Parameters):
         return replace(body(self.name, rigid, edges, GOLD), notes=_doubts(rigid.mass, box))
 
 
-def _edges(size: npt.ArrayLike) -> Array:
+def _edges(size: ArrayLike) -> Array:
     """Return the edges (3,) [m], checked."""
     try:
         edges = np.array(size, dtype=np.float64)

@@ -10,10 +10,9 @@ from numbers import Real
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, LEAST_MASS, Array, finite, read_only
+from spacearm.arrays import LARGEST, LEAST_MASS, Array, ArrayLike, finite, read_only
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.shapes import Visuals
 from spacearm.errors import ConfigurationError, ModelError, listed, require_known, unknown
@@ -337,7 +336,7 @@ class Tree:
             normals = {i for i in normals if abs(along[i] - wanted) < 1e-9}
         return normals.pop() if len(normals) == 1 else None
 
-    def with_spacecraft(self, mass: float | None, inertia: npt.ArrayLike | None) -> Tree:
+    def with_spacecraft(self, mass: float | None, inertia: ArrayLike | None) -> Tree:
         """Return the tree with another mass or inertia of the spacecraft.
 
         Args:

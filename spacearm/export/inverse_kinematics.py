@@ -11,10 +11,9 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, numbers_of, plain, positive
+from spacearm.arrays import Array, ArrayLike, finite, numbers_of, plain, positive
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.jacobian import task_jacobian
@@ -95,7 +94,7 @@ class GeneralizedJacobianTask(_OfArm):
         arm: SpaceArm,
         target: PoseLike,
         *,
-        cost: float | npt.ArrayLike = 1.0,
+        cost: float | ArrayLike = 1.0,
         gain: float = 1.0,
         lm_damping: float = 0.0,
     ) -> None:

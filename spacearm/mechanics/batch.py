@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, Array, Progress, numbers_of, whole
+from spacearm.arrays import LARGEST, Array, ArrayLike, Integers, Progress, numbers_of, whole
 from spacearm.compiler.machine import processors
 from spacearm.equations import measures
 from spacearm.equations.kinematics import jacobian
@@ -54,7 +54,7 @@ def results_for(array: Array | None, shape: tuple[int, ...], what: str) -> Array
     return array
 
 
-def joint_rows(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
+def joint_rows(arm: SpaceArm, values: ArrayLike, what: str) -> Array:
     """Check values (m, n), a row for each state, and return them, not copied if they are an array.
 
     Raises:
@@ -71,7 +71,7 @@ def joint_rows(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
     return array
 
 
-def read_block(Q: Array, block: slice) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
+def read_block(Q: Array, block: slice) -> tuple[npt.NDArray[np.float64], Integers]:
     """Read one block of Q (m, n), and the numbers of its rows that are no joint positions.
 
     These rows are zero.
@@ -153,13 +153,12 @@ NEARNESS = ("distance", "away")
 SINGLY = 1e-4
 #: Rows of states by name.
 Rows = Mapping[str, Array]
-Indices = npt.NDArray[np.int_]
 
 
 @checked
 def evaluate(
     arm: SpaceArm,
-    Q: npt.ArrayLike,
+    Q: ArrayLike,
     quantities: str | Sequence[str] = QUANTITIES,
     *,
     out: Mapping[str, Array] | None = None,
@@ -268,7 +267,7 @@ def _measured(
 @checked
 def generalized_jacobians(
     arm: SpaceArm,
-    Q: npt.ArrayLike,
+    Q: ArrayLike,
     *,
     out: Array | None = None,
     threads: int | None = None,
@@ -313,14 +312,14 @@ def generalized_jacobians(
 @checked
 def joint_accelerations(
     arm: SpaceArm,
-    Q: npt.ArrayLike,
-    dQ: npt.ArrayLike,
-    tau: npt.ArrayLike,
+    Q: ArrayLike,
+    dQ: ArrayLike,
+    tau: ArrayLike,
     *,
     mode: BaseMode = "free-floating",
-    momentum: npt.ArrayLike | None = None,
-    wheels: npt.ArrayLike | None = None,
-    wrenches: Mapping[str, npt.ArrayLike] | None = None,
+    momentum: ArrayLike | None = None,
+    wheels: ArrayLike | None = None,
+    wrenches: Mapping[str, ArrayLike] | None = None,
     out: Array | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -389,7 +388,7 @@ def joint_accelerations(
     return result
 
 
-def _rows(values: npt.ArrayLike | None, m: int, width: int, what: str) -> Array:
+def _rows(values: ArrayLike | None, m: int, width: int, what: str) -> Array:
     """Return numbers as (m, width), a row for each state, zeros if None.
 
     Raises:
@@ -439,7 +438,7 @@ def _accelerated_singly(
     return ddq
 
 
-def minors(arm: SpaceArm, Q: Array, mode: BaseMode, rows: Indices, columns: Indices) -> Array:
+def minors(arm: SpaceArm, Q: Array, mode: BaseMode, rows: Integers, columns: Integers) -> Array:
     """Compute determinants (m, c) at Q (m, n), up to one positive factor.
 
     Args:

@@ -32,9 +32,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.compiler import numbers
 from spacearm.equations.measures import NOTHING, ZERO, distance, way_out
 from spacearm.mechanics.arm_kernels import WIDE, ArmKernel, worth_compiling
@@ -176,7 +175,7 @@ def refined(
 
 def _second(
     arm: SpaceArm, q: Array, seen: Linearisation, linearise_at: Lineariser, fading: float
-) -> tuple[Array, Array, npt.NDArray[np.intp]]:
+) -> tuple[Array, Array, Integers]:
     """Take the second step; also return the numbers of those that it does not bring nearer."""
     distance, away, unit = seen.distance.copy(), seen.rows[:, 0].copy(), joint_scales(arm)
     near = np.flatnonzero((distance > FINE) & (distance < NEAR))

@@ -26,11 +26,10 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm import results
-from spacearm.arrays import Array, finite, positive
+from spacearm.arrays import Array, ArrayLike, finite, positive
 from spacearm.errors import ModelError, require_known
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
@@ -40,7 +39,7 @@ from spacearm.results import Description, Measure, Result
 from spacearm.signatures import checked
 
 #: Link name -> (6,) [force [N]; torque [N m]] at the origin of the link's frame, inertial axes.
-Wrenches = Mapping[str, npt.ArrayLike]
+Wrenches = Mapping[str, ArrayLike]
 
 M_BB = "the spacecraft's block M_bb of the mass matrix"
 H_STAR = "the generalized inertia H*"
@@ -128,8 +127,8 @@ def generalized_inertia(cfg: Configuration, *, mode: BaseMode = "free-floating")
 @checked
 def forward_dynamics(
     cfg: Configuration,
-    dq: npt.ArrayLike,
-    tau: npt.ArrayLike,
+    dq: ArrayLike,
+    tau: ArrayLike,
     *,
     mode: BaseMode = "free-floating",
     wrenches: Wrenches | None = None,
@@ -169,8 +168,8 @@ def forward_dynamics(
 @checked
 def inverse_dynamics(
     cfg: Configuration,
-    dq: npt.ArrayLike,
-    ddq: npt.ArrayLike,
+    dq: ArrayLike,
+    ddq: ArrayLike,
     *,
     mode: BaseMode = "free-floating",
     wrenches: Wrenches | None = None,
@@ -206,9 +205,7 @@ def inverse_dynamics(
 
 
 @checked
-def kinetic_energy(
-    cfg: Configuration, dq: npt.ArrayLike, *, mode: BaseMode = "free-floating"
-) -> float:
+def kinetic_energy(cfg: Configuration, dq: ArrayLike, *, mode: BaseMode = "free-floating") -> float:
     """Compute the kinetic energy of all bodies [J], without the spin of wheels.
 
     Args:
@@ -232,9 +229,7 @@ def kinetic_energy(
     return float(0.5 * v @ mass_matrix(cfg) @ v)
 
 
-def spacecraft_twist(
-    cfg: Configuration, dq: npt.ArrayLike, mode: BaseMode = "free-floating"
-) -> Array:
+def spacecraft_twist(cfg: Configuration, dq: ArrayLike, mode: BaseMode = "free-floating") -> Array:
     """Return the spacecraft's twist (6,) in any mode, inertial axes; see `forward_dynamics`."""
     return in_inertial_axes(cfg, generalized_velocity(cfg, dq, mode)[:6])
 
@@ -246,7 +241,7 @@ def in_inertial_axes(cfg: Configuration, twists: Array) -> Array:
 
 
 def generalized_velocity(
-    cfg: Configuration, dq: npt.ArrayLike, mode: BaseMode = "free-floating"
+    cfg: Configuration, dq: ArrayLike, mode: BaseMode = "free-floating"
 ) -> Array:
     """Return (6 + n,) the spacecraft's twist in its own axes, from the momentum, and the rates.
 
@@ -445,12 +440,12 @@ def momentum_and_torque(arm: SpaceArm, q: Array, dq: Array, ddq: Array) -> tuple
 @checked
 def capture(
     cfg: Configuration,
-    target_twist: npt.ArrayLike,
+    target_twist: ArrayLike,
     mass: float,
-    inertia: npt.ArrayLike | None = None,
-    com: npt.ArrayLike = (0.0, 0.0, 0.0),
+    inertia: ArrayLike | None = None,
+    com: ArrayLike = (0.0, 0.0, 0.0),
     *,
-    dq: npt.ArrayLike | None = None,
+    dq: ArrayLike | None = None,
     joints: JointState = "free",
 ) -> Capture:
     """Compute the velocities just after the tip has grasped a moving, tumbling target.

@@ -11,10 +11,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, ArrayLike
 from spacearm.equations import turns
 from spacearm.equations.turns import GAUSS, magnus
 from spacearm.errors import UnsupportedError
@@ -28,7 +27,7 @@ STEP = 0.05
 
 
 @checked
-def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
+def move(cfg: Configuration, q: ArrayLike) -> Configuration:
     """Return the configuration after the joints have moved straight from cfg.q to q.
 
     The spacecraft floats at zero momentum. Its attitude is integrated by the fourth-order Magnus

@@ -20,11 +20,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipkm1, elliprf
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, ArrayLike
 
 #: Share of the largest coefficient of a series below which its last ones are their own rounding.
 TAIL = 1e-15
@@ -140,7 +139,7 @@ class FreeRotation:
         self._coefficients = _cosines(self._rate, spin.half)
         self._start = attitude @ axes @ self._triad(l0)
 
-    def at(self, t: npt.ArrayLike) -> tuple[Array, Array]:
+    def at(self, t: ArrayLike) -> tuple[Array, Array]:
         """Return attitudes (..., 3, 3) and angular velocities (..., 3), inertial axes [rad/s].
 
         Args:

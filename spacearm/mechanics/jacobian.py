@@ -14,10 +14,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, ArrayLike
 from spacearm.errors import listed, require_known
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
@@ -95,7 +94,7 @@ def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
 
 
 @checked
-def base_velocity(cfg: Configuration, dq: npt.ArrayLike) -> Array:
+def base_velocity(cfg: Configuration, dq: ArrayLike) -> Array:
     """Compute the spacecraft's twist from the momentum: v_b = A_b^-1 (h - h_w - A_q dq).
 
     h is the total momentum (`Configuration.momentum`), h_w the part that the wheels hold
@@ -298,7 +297,7 @@ def generalized_jacobian_derivative(
 
 
 @checked
-def generalized_jacobian_rate(cfg: Configuration, dq: npt.ArrayLike) -> Array:
+def generalized_jacobian_rate(cfg: Configuration, dq: ArrayLike) -> Array:
     """Compute dJ*/dt of the free-floating system for joint rates dq.
 
     The spacecraft moves as momentum conservation demands: the rate includes the turning of

@@ -10,10 +10,9 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, named, plain, positive, read_only
+from spacearm.arrays import Array, ArrayLike, finite, named, plain, positive, read_only
 from spacearm.description.bodies import Inertial
 from spacearm.description.bus import Bus, stand_in
 from spacearm.description.readers import formats
@@ -98,7 +97,7 @@ class Target(Described):
         body: Bus | RobotSource | Tree,
         pose: PoseLike = HERE,
         *,
-        twist: npt.ArrayLike = (0.0,) * 6,
+        twist: ArrayLike = (0.0,) * 6,
         grapples: Mapping[str, PoseLike] = NONE,
         orbit: float = 0.0,
         name: str = "",

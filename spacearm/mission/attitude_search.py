@@ -11,14 +11,13 @@ of a branch, which goes on as the attitude changes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from spacearm.arrays import Array, Progress
+from spacearm.arrays import Array, Booleans, Integers, Progress
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import reactions
 from spacearm.mission.rotations import (
@@ -181,9 +180,6 @@ def unturned(arm: SpaceArm, dq: Array) -> Array:
     return dq - turns * np.round(dq / (2.0 * np.pi))
 
 
-Flags = npt.NDArray[np.bool_]
-Integers = npt.NDArray[np.signedinteger[Any]]
-
 #: How following the path ended; without a start no posture has the tip at its beginning.
 ENDS = (*leading.ENDS, "no start")
 NO_START = ENDS.index("no start")
@@ -227,7 +223,7 @@ class Outcome(NamedTuple):
     slack: Array
     tilt: Array
 
-    def take(self, which: Integers | Flags) -> Outcome:
+    def take(self, which: Integers | Booleans) -> Outcome:
         """Return some of them."""
         return Outcome._make(column[which] for column in self)
 
@@ -262,7 +258,7 @@ class PathTrials(NamedTuple):
     first: Array
     seed: int
 
-    def feasible(self, found: Outcome) -> Flags:
+    def feasible(self, found: Outcome) -> Booleans:
         """Return (m,) whether the tip arrived and kept the least distance."""
         return np.asarray((found.ended == 0) & (found.distance >= self.settings.care))
 
@@ -440,7 +436,7 @@ def volume(levels: Cells) -> Array:
     return 1.0 / (72.0 * 8.0**levels)
 
 
-def at_border(found: Outcome, inside: Flags, levels: Cells) -> Flags:
+def at_border(found: Outcome, inside: Booleans, levels: Cells) -> Booleans:
     """Return (m,) which cells have a neighbour that is feasible where they are not, or is not."""
     border = np.zeros(len(inside), dtype=bool)
     if inside.all() or not inside.any():

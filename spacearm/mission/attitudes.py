@@ -16,10 +16,18 @@ from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, named, plain, positive, whole
+from spacearm.arrays import (
+    Array,
+    Booleans,
+    Integers,
+    Progress,
+    named,
+    plain,
+    positive,
+    whole,
+)
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mission.attitude_search import (
     ENDS,
@@ -104,15 +112,15 @@ class FeasibleAttitudes(Result):
     attitude: Array
     weight: Array
     q: Array
-    ended: npt.NDArray[np.signedinteger[Any]]
+    ended: Integers
     s: Array
     distance: Array
     slack: Array
     tilt: Array
     axis: int | None
     intervals: Array | None
-    cell: npt.NDArray[np.int64]
-    border: npt.NDArray[np.bool_]
+    cell: Integers
+    border: Booleans
     ball: Ball | None
 
     JSON: ClassVar[Mapping[str, str]] = {
@@ -122,9 +130,9 @@ class FeasibleAttitudes(Result):
     }
 
     @cached_property
-    def feasible(self) -> npt.NDArray[np.bool_]:
+    def feasible(self) -> Booleans:
         """(m,) whether the tip arrives and keeps the margin."""
-        ok: npt.NDArray[np.bool_] = (self.ended == 0) & (self.distance >= self.margin)
+        ok: Booleans = (self.ended == 0) & (self.distance >= self.margin)
         return ok
 
     @cached_property

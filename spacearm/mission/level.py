@@ -13,10 +13,9 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, finite, positive, whole
+from spacearm.arrays import Array, ArrayLike, Integers, Progress, finite, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mission.attitudes import sound_margin, turning_axis
@@ -39,8 +38,6 @@ MOST = {2: 60, 3: 12}
 STATES = 2
 #: How accurately lines are followed.
 FOLLOWING = Settings(tolerance=1e-8, stride=0.01, least_stride=1e-3)
-
-Integers = npt.NDArray[np.int64]
 
 
 class LevelReach(Result):
@@ -77,10 +74,10 @@ class LevelReach(Result):
     axis: int | None
     direction: Array
     straight: Array
-    ended: npt.NDArray[np.int64]
+    ended: Integers
     point: Array
     turn: Array
-    parent: npt.NDArray[np.int64]
+    parent: Integers
     cell: float
 
     @cached_property
@@ -101,7 +98,7 @@ class LevelReach(Result):
         R = pin.Quaternion(self.attitude).normalized().matrix()
         return self.arm.at(self.q0, base=pin.SE3(R, np.zeros(3))).centred(np.zeros(3))
 
-    def motion(self, point: npt.ArrayLike) -> Followed:
+    def motion(self, point: ArrayLike) -> Followed:
         """Return the motion along broken lines to the cell that a point lies in, by `sa.follow`.
 
         Args:

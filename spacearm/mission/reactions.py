@@ -13,10 +13,18 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, finite, generator, positive, whole, within_100
+from spacearm.arrays import (
+    Array,
+    ArrayLike,
+    Progress,
+    finite,
+    generator,
+    positive,
+    whole,
+    within_100,
+)
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.dynamics import inverse_dynamics
@@ -182,7 +190,7 @@ class Reaction(Result):
 def reaction(
     motion: Playable,
     *,
-    camera: npt.ArrayLike | None = None,
+    camera: ArrayLike | None = None,
     progress: Progress | None = None,
 ) -> Reaction:
     """Compute what a motion does to the spacecraft, and what holding the attitude takes.

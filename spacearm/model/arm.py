@@ -11,10 +11,9 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, plain, read_only
+from spacearm.arrays import Array, ArrayLike, finite, plain, read_only
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.grippers import held_fingers
 from spacearm.description.loops import open_loops, warn_of_lost_loops, with_ball_joints
@@ -202,11 +201,11 @@ class SpaceArm(JointSpace, Described):
 
     def at(
         self,
-        q: npt.ArrayLike,
+        q: ArrayLike,
         *,
         base: PoseLike | None = None,
-        wheels: npt.ArrayLike | None = None,
-        momentum: npt.ArrayLike | None = None,
+        wheels: ArrayLike | None = None,
+        momentum: ArrayLike | None = None,
     ) -> Configuration:
         """Return the configuration at joint positions q, inside the joint limits or not.
 
@@ -246,7 +245,7 @@ class SpaceArm(JointSpace, Described):
         self,
         *,
         base_mass: float | None = None,
-        base_inertia: npt.ArrayLike | None = None,
+        base_inertia: ArrayLike | None = None,
         mount: pin.SE3 | None = None,
         link_mass: Mapping[str, float] | None = None,
         link_length: Mapping[str, float] | None = None,
@@ -304,7 +303,7 @@ class SpaceArm(JointSpace, Described):
         return changed if self.fault_of_task() == changed.fault_of_task() else changed.warned()
 
     def grasp(
-        self, mass: float, inertia: npt.ArrayLike | None = None, com: npt.ArrayLike = (0, 0, 0)
+        self, mass: float, inertia: ArrayLike | None = None, com: ArrayLike = (0, 0, 0)
     ) -> SpaceArm:
         """Return the arm holding a body at its tip, such as a captured satellite.
 
@@ -532,7 +531,7 @@ class Configuration:
         full[:3] = 0.0
         return full
 
-    def with_momentum(self, momentum: npt.ArrayLike) -> Configuration:
+    def with_momentum(self, momentum: ArrayLike) -> Configuration:
         """Return the same posture, pose and wheels with another total momentum (6,).
 
         Raises:
@@ -540,7 +539,7 @@ class Configuration:
         """
         return replace(self, momentum=read_only(finite(momentum, (6,), "momentum", MOMENTUM)))
 
-    def with_wheels(self, wheels: npt.ArrayLike) -> Configuration:
+    def with_wheels(self, wheels: ArrayLike) -> Configuration:
         """Return the same posture, pose and total momentum with other momenta (w,) of the wheels.
 
         Raises:
@@ -556,7 +555,7 @@ class Configuration:
         arm.give_back(data)
         return replace(self, wheels=read_only(h), stored=read_only(stored))
 
-    def centred(self, com: npt.ArrayLike) -> Configuration:
+    def centred(self, com: ArrayLike) -> Configuration:
         """Return the same posture and attitude with the system CM at `com` (3,) [m].
 
         Raises:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, Array, finite, plain, shape_of
+from spacearm.arrays import LARGEST, Array, ArrayLike, finite, plain, shape_of
 from spacearm.errors import ConfigurationError
 from spacearm.signatures import checked
 
@@ -17,11 +16,11 @@ LWA = pin.LOCAL_WORLD_ALIGNED
 
 
 #: A pose as a caller may give it: a pin.SE3 or a (4, 4) homogeneous matrix.
-PoseLike: TypeAlias = pin.SE3 | npt.ArrayLike
+PoseLike: TypeAlias = pin.SE3 | ArrayLike
 
 
 @checked
-def pose(xyz: npt.ArrayLike = (0.0, 0.0, 0.0), rpy: npt.ArrayLike = (0.0, 0.0, 0.0)) -> pin.SE3:
+def pose(xyz: ArrayLike = (0.0, 0.0, 0.0), rpy: ArrayLike = (0.0, 0.0, 0.0)) -> pin.SE3:
     """Make a pose of a position and of roll, pitch and yaw, as the origins of a URDF have them.
 
     Args:

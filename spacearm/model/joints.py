@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm import errors
-from spacearm.arrays import LARGEST, Array, numbers_of, read_only
+from spacearm.arrays import LARGEST, Array, ArrayLike, Booleans, numbers_of, read_only
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError
 from spacearm.model.task import Task
@@ -49,7 +48,7 @@ class JointSpace:
         return len(self.joint_names)
 
     @property
-    def slides(self) -> npt.NDArray[np.bool_]:
+    def slides(self) -> Booleans:
         """(n,) which joints are prismatic; the others are revolute."""
         return np.array([self.tree.joints[name].kind == "prismatic" for name in self.joint_names])
 
@@ -97,7 +96,7 @@ class JointSpace:
         return np.hstack((matrix[:, :6], matrix[:, 6:] @ self.coupling))
 
 
-def joint_vector(arm: JointSpace, values: npt.ArrayLike, what: str) -> Array:
+def joint_vector(arm: JointSpace, values: ArrayLike, what: str) -> Array:
     """Return a checked copy of one finite number per joint, (n,).
 
     Args:

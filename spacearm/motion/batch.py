@@ -11,9 +11,8 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Booleans, Integers
 from spacearm.equations import integration
 from spacearm.equations import plant as equations
 from spacearm.mechanics.arm_kernels import ArmKernel
@@ -26,7 +25,6 @@ from spacearm.motion.system import Prepared, System
 STEPS = 128
 #: The step has collapsed when `PACE` of them are shorter than `SLOW` in the mean [s].
 SLOW, PACE = 1e-5, 1000
-Whole = npt.NDArray[np.int64]
 #: Status of a run that an event ended.
 ENDED = 10
 #: What is known of where a run stands besides its state.
@@ -53,10 +51,10 @@ class Steps(NamedTuple):
             when the runs go on.
     """
 
-    run: Whole
+    run: Integers
     start: Array
     end: Array
-    row: Whole
+    row: Integers
     rows: Array
 
 
@@ -208,7 +206,7 @@ class Batch:
         self._plant = np.array([p.plant for p in prepared]).reshape(m, -1)
 
     @property
-    def running(self) -> npt.NDArray[np.bool_]:
+    def running(self) -> Booleans:
         """Whether each run goes on."""
         return self.status == integration.RUNNING
 
@@ -217,7 +215,7 @@ class Batch:
 
     def compute(
         self,
-        function: Callable[..., Any], runs: Whole, inputs: Mapping[str, Array],
+        function: Callable[..., Any], runs: Integers, inputs: Mapping[str, Array],
         numbers: Mapping[str, Array | float] | None = None, rows: Array | None = None, *,
         out: Sequence[Array | None] = (), lanes: int | None = None, acts: bool = True,
         **options: Any,
@@ -289,7 +287,7 @@ class Batch:
             if self.outside.interrupted or not self.running.any():
                 return
 
-    def _advance(self, runs: Whole, end: float, implicit: bool) -> Steps:
+    def _advance(self, runs: Integers, end: float, implicit: bool) -> Steps:
         """Take steps of some runs that go on."""
         inputs = {"now": self.now[runs], "y": self.y[runs]}
         if self.held is not None:
@@ -314,7 +312,7 @@ class Batch:
         self.exchanged += np.bincount(run, gone, minlength=len(self))
         return steps
 
-    def _change(self, runs: Whole) -> None:
+    def _change(self, runs: Integers) -> None:
         """Go over to the other method: from stiff steps, and back, each time for longer."""
         self.status[runs] = integration.RUNNING
         self.stiff[runs] = 0.0
@@ -327,7 +325,7 @@ class Batch:
         self.h[limited] = np.minimum(self.h[limited], integration.STABLE / self.eigenvalue[limited])
         self.implicit[runs] = ~self.implicit[runs]
 
-    def _check_pace(self, runs: Whole) -> None:
+    def _check_pace(self, runs: Integers) -> None:
         """Stop runs whose steps have become too short."""
         due = runs[self.steps[runs] - self._marks[0, runs] >= PACE]
         slow = due[self.t[due] - self._marks[1, due] < PACE * SLOW]
@@ -343,7 +341,7 @@ class Batch:
         first = 2 + len(self.moving)
         return steps.rows[:, first + of.start : first + of.stop][steps.row]
 
-    def states(self, steps: Steps, i: Whole, t: Array) -> Array:
+    def states(self, steps: Steps, i: Integers, t: Array) -> Array:
         """Return the states (L, states) at times t (L,) within steps i (L,)."""
         y = self.y[steps.run[i]]
         if len(i):
@@ -353,16 +351,16 @@ class Batch:
             )
         return y
 
-    def event_values(self, steps: Steps, i: Whole, t: Array) -> Array:
+    def event_values(self, steps: Steps, i: Integers, t: Array) -> Array:
         """Return the event functions (L, e) at times t (L,) within steps i (L,)."""
         return self._of_events(events_within, steps, i, t=t)
 
-    def roots(self, steps: Steps, i: Whole, which: Whole, bracket: Array) -> Array:
+    def roots(self, steps: Steps, i: Integers, which: Integers, bracket: Array) -> Array:
         """Return the times (L,) at which event functions cross zero; see `roots_within`."""
         return self._of_events(roots_within, steps, i, which=which.astype(float), bracket=bracket)
 
     def _of_events(
-        self, function: Callable[..., Any], steps: Steps, i: Whole, **given: Array
+        self, function: Callable[..., Any], steps: Steps, i: Integers, **given: Array
     ) -> Array:
         """Compute a function of events within steps i (L,)."""
         runs = steps.run[i]
@@ -418,7 +416,7 @@ class Outside:
         self.interrupted = False
         self._views: dict[tuple[int, int], Array] = {}
 
-    def called(self, runs: Whole, counts: Mapping[str, int]) -> dict[str, Callable[..., None]]:
+    def called(self, runs: Integers, counts: Mapping[str, int]) -> dict[str, Callable[..., None]]:
         """Return the functions as a kernel calls them whose lanes are of these runs.
 
         Args:
@@ -427,7 +425,7 @@ class Outside:
         """
         return {name: self._of(name, runs, count) for name, count in counts.items()}
 
-    def _of(self, name: str, runs: Whole, count: int) -> Callable[..., None]:
+    def _of(self, name: str, runs: Integers, count: int) -> Callable[..., None]:
 
         def call(lane: int, values: Any, results: Any) -> None:
             given, out = self._view(values, self.given[name]), self._view(results, 1 + count)

@@ -16,10 +16,9 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Parameters, finite, positive
+from spacearm.arrays import Array, ArrayLike, Parameters, finite, positive
 from spacearm.compiler import numbers
 from spacearm.equations import laws
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
@@ -33,7 +32,7 @@ from spacearm.motion.motion import Motion
 from spacearm.signatures import checked
 from spacearm.singularities.report import NO_INVERSE
 
-Controller = Callable[[float, Configuration, Array], npt.ArrayLike]
+Controller = Callable[[float, Configuration, Array], ArrayLike]
 #: A controller, or one for each tip by its name.
 Laws: TypeAlias = Controller | Mapping[str, Controller]
 #: A goal, or a function of time [s] that gives one: a moving target, or a path and the speed.
@@ -106,8 +105,8 @@ class TransposedJacobian(TipLaw):
         kd: Damping, likewise [N s/m] or [N m s/rad].
     """
 
-    kp: npt.ArrayLike
-    kd: npt.ArrayLike
+    kp: ArrayLike
+    kd: ArrayLike
 
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
         """Return the torques (n,) [N m] or forces [N]."""
@@ -126,7 +125,7 @@ class RateLaw(TipLaw):
         servo: Rate at which the joints shall take up their rates [1/s].
     """
 
-    gain: npt.ArrayLike = 1.0
+    gain: ArrayLike = 1.0
     servo: float = 20.0
 
     @abstractmethod
@@ -156,7 +155,7 @@ class ResolvedRate(RateLaw):
             of `gain`; None for no motion there.
     """
 
-    rest: npt.ArrayLike | None = None
+    rest: ArrayLike | None = None
 
     def rates(self, t: float, cfg: Configuration) -> Array:
         """Return the joint rates (n,) that the law asks for [rad/s] or [m/s].
@@ -260,9 +259,9 @@ class JointPD(Law):
         kd: Damping, likewise.
     """
 
-    target: npt.ArrayLike | Callable[[float], npt.ArrayLike]
-    kp: npt.ArrayLike
-    kd: npt.ArrayLike
+    target: ArrayLike | Callable[[float], ArrayLike]
+    kp: ArrayLike
+    kd: ArrayLike
 
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
         """Return the torques (n,) [N m] or forces [N]."""
@@ -300,7 +299,7 @@ def rank_at(cfg: Configuration) -> int:
     return int((sigma > NO_INVERSE * sigma[0]).sum())
 
 
-def gains(values: npt.ArrayLike, rows: int, name: str) -> Array:
+def gains(values: ArrayLike, rows: int, name: str) -> Array:
     """Return a gain, or one for each of the rows."""
     if np.iterable(values):
         return finite(values, (rows,), name, "(gains, one for each row), or one for all rows")

@@ -9,10 +9,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Parameters, finite, plain, read_only
+from spacearm.arrays import Array, ArrayLike, Parameters, finite, plain, read_only
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.dynamics import (
     Capture,
@@ -278,9 +277,9 @@ class Grasp(Parameters):
     """
 
     mass: float
-    inertia: npt.ArrayLike | None = None
-    com: npt.ArrayLike = (0.0, 0.0, 0.0)
-    twist: npt.ArrayLike | None = None
+    inertia: ArrayLike | None = None
+    com: ArrayLike = (0.0, 0.0, 0.0)
+    twist: ArrayLike | None = None
     joints: JointState = "free"
 
     def impact(self, cfg: Configuration, dq: Array, mode: BaseMode = FLOATING) -> Capture:
@@ -385,7 +384,7 @@ def simulate_phases(
     start: Configuration,
     phases: Sequence[Phase],
     *,
-    dq: npt.ArrayLike | None = None,
+    dq: ArrayLike | None = None,
     progress: Callable[[float, float], object] | None = None,
 ) -> Flight:
     """Simulate an arm that grasps and releases bodies in flight.

@@ -18,10 +18,9 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, positive
+from spacearm.arrays import Array, ArrayLike, finite, positive
 from spacearm.compiler import numbers
 from spacearm.equations.laws import quaternion_rate
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
@@ -159,7 +158,7 @@ def _curve(cfg: Configuration, path: Callable[[float], Goal], length: float) -> 
     return Segment(length, pose, twist, False)
 
 
-def timed_curve(cfg: Configuration, path: Path, times: npt.ArrayLike, at_rest: bool) -> Segment:
+def timed_curve(cfg: Configuration, path: Path, times: ArrayLike, at_rest: bool) -> Segment:
     """Return the path through corners at times, its parameter the time [s].
 
     Position and quaternion are cubic splines over time, from where the tip is at the start.
@@ -457,7 +456,7 @@ def follow(
     mode: BaseMode = "free-floating",
     length: float | None = None,
     speed: float | None = None,
-    times: npt.ArrayLike | None = None,
+    times: ArrayLike | None = None,
     at_rest: bool = True,
     limits: bool = True,
     progress: Callable[[float, float], object] | None = None,
@@ -532,7 +531,7 @@ def path_pieces(
     path: Path,
     length: float | None,
     speed: float | None,
-    times: npt.ArrayLike | None,
+    times: ArrayLike | None,
     at_rest: bool,
 ) -> tuple[list[Segment], float, bool]:
     """Return the pieces of a path, the speed along their parameter, and whether this is time.

@@ -6,17 +6,16 @@ from functools import lru_cache
 from typing import Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, shape_of
+from spacearm.arrays import Array, ArrayLike, finite, shape_of
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.barycentric_formulation import barycentric
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
 
 #: A point in the task's linear rows [m], along the goal axes, or a pose.
-Goal: TypeAlias = npt.ArrayLike | pin.SE3
+Goal: TypeAlias = ArrayLike | pin.SE3
 
 #: Distance up to which something is at the origin [m].
 AT_ORIGIN = 1e-9

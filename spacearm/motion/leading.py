@@ -7,10 +7,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.compiler.machine import processors
 from spacearm.equations import lines
 from spacearm.errors import NoSolutionError
@@ -35,8 +34,6 @@ PIECES = 16
 
 #: Points of a straight line.
 POINTS = 128
-
-Integers = npt.NDArray[np.int64]
 
 
 class PathTable(NamedTuple):
@@ -94,7 +91,7 @@ class Led(NamedTuple):
         attitude: (m, 4) attitude of the spacecraft then, quaternion xyzw.
     """
 
-    ended: npt.NDArray[np.int64]
+    ended: Integers
     s: Array
     distance: Array
     where: Array
@@ -110,7 +107,7 @@ def lead_all(
     q: Array,
     attitude: Array,
     paths: PathTable,
-    which: npt.NDArray[np.int_] | None = None,
+    which: Integers | None = None,
     settings: Settings | None = None,
     progress: Callable[[int, int], object] | None = None,
     home: Array | None = None,

@@ -9,11 +9,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from scipy.interpolate import BPoly, BSpline, CubicSpline, PPoly
 
-from spacearm.arrays import Array, finite, numbers_of, plain, read_only, shape_of
+from spacearm.arrays import Array, ArrayLike, finite, numbers_of, plain, read_only, shape_of
 from spacearm.errors import ConfigurationError, listed
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import momentum_and_torque
@@ -421,7 +420,7 @@ class Motion(Result):
             return read_only(np.zeros_like(self.q))
         return read_only(np.gradient(values, self.t, axis=0, edge_order=2 if len(self) > 2 else 1))
 
-    def _each(self, value: Callable[[Configuration], npt.ArrayLike]) -> Array:
+    def _each(self, value: Callable[[Configuration], ArrayLike]) -> Array:
         """Return the values of a function of the configuration at all samples."""
         return read_only(np.array([value(cfg) for cfg in self]))
 

@@ -7,18 +7,27 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import LARGEST, Array, Parameters, finite, named, positive, shape_of, whole
+from spacearm.arrays import (
+    LARGEST,
+    Array,
+    ArrayLike,
+    Parameters,
+    finite,
+    named,
+    positive,
+    shape_of,
+    whole,
+)
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import EVENTS
 from spacearm.signatures import checked
 
 #: (6,) [force [N]; torque [N m]], or a function of time [s] that gives it.
-Wrench: TypeAlias = npt.ArrayLike | Callable[[float], npt.ArrayLike]
+Wrench: TypeAlias = ArrayLike | Callable[[float], ArrayLike]
 #: A function of time [s] that gives the torque of each wheel (w,), which it takes up [N m].
-Motors: TypeAlias = Callable[[float], npt.ArrayLike]
+Motors: TypeAlias = Callable[[float], ArrayLike]
 
 
 #: The least `rtol` that the integrators take.
@@ -189,9 +198,9 @@ class Sampling(Parameters):
 
     period: float
     delay: float = 0.0
-    position_noise: npt.ArrayLike = 0.0
-    rate_noise: npt.ArrayLike = 0.0
-    attitude_noise: npt.ArrayLike = 0.0
+    position_noise: ArrayLike = 0.0
+    rate_noise: ArrayLike = 0.0
+    attitude_noise: ArrayLike = 0.0
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -226,7 +235,7 @@ class Sampling(Parameters):
         return np.concatenate(parts)
 
 
-def wheel_torques(values: npt.ArrayLike, count: int) -> Array:
+def wheel_torques(values: ArrayLike, count: int) -> Array:
     """Return the torques of the wheels at a time, checked."""
     return finite(values, (count,), "wheels", "[N m], one for each wheel")
 

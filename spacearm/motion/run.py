@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.equations.integration import COLLAPSED, FAILED, FINISHED, RUNNING, state_of
 from spacearm.equations.measures import measures, nearest
 from spacearm.equations.plant import Parts, crossing, observe, torques
@@ -20,17 +20,8 @@ from spacearm.mechanics.distance import FADING
 from spacearm.mechanics.dynamics import forward_dynamics
 from spacearm.model.arguments import free_components
 from spacearm.model.joints import joint_scales
-from spacearm.motion.batch import Batch, Steps, Whole
-from spacearm.motion.events import (
-    DOUBTFUL,
-    EVENTS,
-    LOOK,
-    NEAR,
-    ROUNDING,
-    SHARPNESS,
-    Event,
-    is_exact,
-)
+from spacearm.motion import events
+from spacearm.motion.batch import Batch, Steps
 from spacearm.motion.motion import Trajectory, drift_of
 from spacearm.motion.plant import Integration, Sampling
 from spacearm.motion.system import Prepared, System, WantedEvent
@@ -56,8 +47,8 @@ class Found(NamedTuple):
         y: (F, states) states.
     """
 
-    run: Whole
-    which: Whole
+    run: Integers
+    which: Integers
     t: Array
     y: Array
 
@@ -74,8 +65,8 @@ class Brackets(NamedTuple):
         at_b: (B,) values after.
     """
 
-    step: Whole
-    which: Whole
+    step: Integers
+    which: Integers
     a: Array
     b: Array
     at_a: Array
@@ -92,7 +83,7 @@ def _joined(parts: list[Brackets]) -> Brackets:
     return Brackets(*(np.concatenate(values) for values in columns))
 
 
-def _before(values: Array, last: Array, run: Whole) -> Array:
+def _before(values: Array, last: Array, run: Integers) -> Array:
     """Return the values before each of others, which runs have one after the other.
 
     Args:
@@ -123,7 +114,11 @@ class Crossings:
         self.falling = np.array([one.falling for one in wanted if one.root is not None], dtype=bool)
         self.moving = np.array([one.moving for one in wanted], dtype=np.bool_)
         self.radian = joint_scales(batch.arms[0])
-        between = (NEAR / DOUBTFUL, DOUBTFUL * NEAR) if exact else (np.inf, 0.0)
+        between = (
+            (events.NEAR / events.DOUBTFUL, events.DOUBTFUL * events.NEAR)
+            if exact
+            else (np.inf, 0.0)
+        )
         self.numbers: dict[str, Array | float] = {
             "fading": FADING, "radians": self.radian, "between": np.array(between), "rest": AT_REST,
         }  # fmt: skip
@@ -136,7 +131,7 @@ class Crossings:
         true = np.zeros((len(batch), len(self.distance)), dtype=bool)
         if len(self.plain):
             self.last = batch.event_values(steps, steps.run, steps.end)
-            low = np.abs(self.last) <= ROUNDING
+            low = np.abs(self.last) <= events.ROUNDING
             true[:, self.plain] = np.where(self.falling, self.last < 0.0, low)
         if len(self.near):
             self.clear = self.away(steps.run, batch.y[:, : batch.n])
@@ -154,16 +149,16 @@ class Crossings:
         y = self.batch.states(steps, step, t)
         return Found(steps.run[step], found.which[order], t, y)
 
-    def away(self, runs: Whole, q: Array) -> Array:
+    def away(self, runs: Integers, q: Array) -> Array:
         """Compute the distance (L,) to the singular set less `NEAR`, at most `MOST` of it.
 
         Args:
             runs: (L,) numbers of the runs.
             q: (L, n) joint positions.
         """
-        return np.minimum(self.nearest(runs, q)[0], MOST) - NEAR
+        return np.minimum(self.nearest(runs, q)[0], MOST) - events.NEAR
 
-    def nearest(self, runs: Whole, q: Array) -> tuple[Array, Array]:
+    def nearest(self, runs: Integers, q: Array) -> tuple[Array, Array]:
         """Compute the distance (L,) to the singular set, and where it is nearest.
 
         Args:
@@ -193,7 +188,7 @@ class Crossings:
         """Return where plain functions cross zero."""
         joints = slice(0, self.batch.n)
         moved = np.abs(self.batch.changes(steps, joints)).max(axis=1, initial=0.0)
-        pieces = 1 + np.minimum(moved / LOOK, 1e6).astype(np.int64)
+        pieces = 1 + np.minimum(moved / events.LOOK, 1e6).astype(np.int64)
         step = np.repeat(np.arange(len(pieces)), pieces)
         number = np.arange(len(step)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
         start, length = steps.start[step], (steps.end - steps.start)[step]
@@ -223,7 +218,7 @@ class Crossings:
             falls = (doubtful.at_a >= 0.0) & (doubtful.at_b < 0.0)
             found.append(doubtful.only(falls))
             moved = np.linalg.norm((q_b - q_a) / self.radian, axis=1)
-            open_ = ~falls & (moved > FINE * NEAR)
+            open_ = ~falls & (moved > FINE * events.NEAR)
             open_ &= moved > SHARE * (np.abs(doubtful.at_a) + np.abs(doubtful.at_b))
             if not open_.any():
                 return _joined(found)
@@ -269,9 +264,9 @@ def nearing(
 
     def value(t: Any) -> Any:
         q = state_of(xp.row(rows, i), t)[: tree.n]
-        return nearest(xp, tree, p, q=q, most=most, **numbers)[0] - NEAR
+        return nearest(xp, tree, p, q=q, most=most, **numbers)[0] - events.NEAR
 
-    return crossing(xp, value, bracket, SHARPNESS)
+    return crossing(xp, value, bracket, events.SHARPNESS)
 
 
 #: Samples of a controller of fixed rate between two reports of progress.
@@ -297,7 +292,7 @@ class Sensors:
         self.noise, self.at = sampling.noise(at.q.stop), at
         self.random = [np.random.default_rng(sampling.seed + run) for run in runs]
 
-    def measured(self, runs: Whole, y: Array) -> Array:
+    def measured(self, runs: Integers, y: Array) -> Array:
         """Return states (r, states) with noise, those of some of the runs."""
         if not self.noise.any():
             return y
@@ -338,12 +333,12 @@ class Runs:
         self.batch = Batch(systems, prepared, how)
         self.wanted, self.called = prepared[0].wanted, prepared[0].notes
         self.batch.dense = bool(self.wanted) or len(t) > 1
-        self.exact = is_exact(first.arm)
+        self.exact = events.is_exact(first.arm)
         self.crossings = Crossings(self.batch, self.wanted, self.exact)
         self.outputs = np.repeat(self.batch.y[:, None], len(t) + 1, axis=1)
         self.written = np.zeros(m, np.int64)
         self.at = first.parts
-        self.events: list[list[Event]] = [[] for _ in range(m)]
+        self.events: list[list[events.Event]] = [[] for _ in range(m)]
         self.torques: list[tuple[float, Array]] = []
         self.ended, self.fault = ["duration"] * m, [""] * m
         self._begun = False
@@ -418,7 +413,7 @@ class Runs:
             if len(self.systems) == 1 and wanted.root is None and self.exact:
                 offset = self.crossings.nearest(np.array([run]), q[None])[1][0]
                 near = None if np.isnan(offset).any() else q + self.crossings.radian * offset
-            self.events[run].append(Event(float(t), wanted.kind, q, wanted.detail, near))
+            self.events[run].append(events.Event(float(t), wanted.kind, q, wanted.detail, near))
             if wanted.stops:
                 self.ended[run] = wanted.kind
                 self.batch.stop(int(run), float(t), y, steps)
@@ -552,8 +547,8 @@ class Runs:
         energy, works = seen[:, :, -1], ends[:, 1, at.works].sum(axis=1)
         turnover = energy.max(axis=1) + batch.exchanged
         off = np.abs(energy[:, 1] - energy[:, 0] - works)
-        first = {kind: [min((e.t for e in events if e.kind == kind), default=np.nan)
-                        for events in self.events] for kind in EVENTS}  # fmt: skip
+        first = {kind: [min((e.t for e in found if e.kind == kind), default=np.nan)
+                        for found in self.events] for kind in events.EVENTS}  # fmt: skip
         target = np.array(first["target"])
         return {
             "success": ~np.isnan(target),

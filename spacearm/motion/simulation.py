@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import finite, positive, shape_of, whole
+from spacearm.arrays import ArrayLike, finite, positive, shape_of, whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError, NoSolutionError, require_known
 from spacearm.mechanics.arm_kernels import structure_of
@@ -50,7 +50,7 @@ def simulate(
     controller: Laws,
     duration: float,
     *,
-    dq: npt.ArrayLike | None = None,
+    dq: ArrayLike | None = None,
     mode: BaseMode = "free-floating",
     origin: Origin = "spacecraft",
     plant: Plant = Plant(),
@@ -178,7 +178,7 @@ def simulate_many(
     controller: Laws | Sequence[Laws],
     duration: float,
     *,
-    dq: npt.ArrayLike | None = None,
+    dq: ArrayLike | None = None,
     mode: BaseMode = "free-floating",
     plant: Plant = Plant(),
     sampling: Sampling | None = None,

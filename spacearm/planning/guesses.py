@@ -13,15 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Booleans, Integers
 from spacearm.collisions.separation import Collisions
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import Configuration, SpaceArm
@@ -29,14 +28,11 @@ from spacearm.model.joints import joint_scales
 from spacearm.motion.goal import goal_axes
 from spacearm.planning.account import SearchAccount
 from spacearm.planning.many_curves import (
-    Indices,
     inverse_kinematics,
     spacecraft_turns,
     turning_axes,
 )
 from spacearm.planning.optimiser import FAR, CurveFamily, Shape, Sines, Target, sides
-
-Mask: TypeAlias = npt.NDArray[np.bool_]
 
 #: Number of loops that are tried at once.
 MANY = 2000
@@ -234,7 +230,7 @@ class GuessFinder:
         self.account.postures.update({word: int(count) for word, count in counts.items()})
         return T[good], Q[good]
 
-    def count_ways(self, room: Array, near: Mask) -> None:
+    def count_ways(self, room: Array, near: Booleans) -> None:
         """Account for what stops curves, given their least distances and which arrive."""
         stopped = near & (room <= self.target.clearance)
         self.account.ways.update(
@@ -243,7 +239,7 @@ class GuessFinder:
             singular=int((stopped & (room > BEYOND)).sum()),
         )
 
-    def _arriving(self, P: Array, W: Array) -> tuple[Array, Mask]:
+    def _arriving(self, P: Array, W: Array) -> tuple[Array, Booleans]:
         """Move the ends of curves to the goal; return the curves, and whether each comes near it.
 
         Args:
@@ -256,7 +252,7 @@ class GuessFinder:
         if target.tip is None or len(P) == 0:
             return P, np.ones(len(P), dtype=bool)
 
-        def attitude(Q: Array, rows: Indices) -> Array:
+        def attitude(Q: Array, rows: Integers) -> Array:
             P[rows, 0] = Q - self.start.q
             return self.T0 @ W[rows] @ self.turns(P[rows])
 
@@ -319,7 +315,7 @@ class GuessFinder:
         return np.concatenate((curve.ravel(), np.empty(0) if C is None else C.ravel()))
 
 
-def _shortest(travel: Array, good: Mask) -> Indices:
+def _shortest(travel: Array, good: Booleans) -> Integers:
     """Return the numbers of those that are good, shortest first."""
     order = np.argsort(travel, kind="stable")
     return order[good[order]]
@@ -339,7 +335,7 @@ class Loops(NamedTuple):
     turn: Array
 
 
-def matches(loops: Loops, needed: Rotation) -> tuple[Indices, Indices, Indices]:
+def matches(loops: Loops, needed: Rotation) -> tuple[Integers, Integers, Integers]:
     """Match loops with the turns that are needed.
 
     The distance between the unit quaternions of two attitudes is 2 sin(angle / 4).

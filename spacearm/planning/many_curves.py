@@ -18,12 +18,11 @@ from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from scipy.interpolate import BSpline, PPoly
 from scipy.spatial.transform import Rotation
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import Reactions, chained, momenta, reactions, turns_of_spacecraft
@@ -61,9 +60,8 @@ STEPS = 8
 #: Joints that come nearer to their limits are not bent [rad] or [m].
 SLACK = 1e-3
 
-Indices: TypeAlias = npt.NDArray[np.int64]
 #: Returns the attitudes (r, 3, 3) of the spacecraft at the ends (r, n) of some of the curves.
-Turns: TypeAlias = Callable[[Array, Indices], Array]
+Turns: TypeAlias = Callable[[Array, Integers], Array]
 
 
 @lru_cache(maxsize=64)
@@ -347,7 +345,7 @@ class FlownRows:
         off = np.linalg.norm(miss)
         raise NoSolutionError(f"flown as a spline through its rows the motion ends {off:.1e} off")
 
-    def steps(self, parts: float) -> Indices:
+    def steps(self, parts: float) -> Integers:
         """Return the steps (m - 1,) of the integration from row to row.
 
         The rate of a quintic with the leading coefficient c is integrated over k steps of a time

@@ -31,7 +31,7 @@ import pinocchio as pin
 from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.collisions.separation import Collisions
 from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
@@ -41,7 +41,7 @@ from spacearm.mechanics.floating import attitudes, chained, placed, turns_and_ef
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.motion.goal import goal_axes, goal_rows, twist_between
-from spacearm.planning.many_curves import Indices, turning_axes
+from spacearm.planning.many_curves import turning_axes
 
 #: Steps of the integration along a curve: enough for the optimiser, not for the end of a plan.
 INTERVALS = 16
@@ -286,7 +286,7 @@ class CurveOptimiser:
             slopes.append(np.outer(self.family.basis[i], away).ravel())
         return np.array(gaps), np.array(slopes)
 
-    def _pairs_near(self, x: Array) -> Indices:
+    def _pairs_near(self, x: Array) -> Integers:
         """Return the numbers of the pairs of bodies that come near each other on a motion."""
         if self._collisions is None:
             return np.arange(0)

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
+from spacearm.arrays import ArrayLike
 from spacearm.errors import (
     ConfigurationError,
     ImpossibleError,
@@ -35,7 +35,7 @@ def plan(
     goal: Goal | Joints | Mapping[str, Goal],
     *,
     via: Sequence[Goal | Joints] = (),
-    final_attitude: npt.ArrayLike | pin.SE3 | float | None = None,
+    final_attitude: ArrayLike | pin.SE3 | float | None = None,
     final_twist: FinalTwist | None = None,
     duration: float | None = None,
     mode: BaseMode = FLOATING,
@@ -126,7 +126,7 @@ def detumble(
     start: Configuration,
     goal: Goal | Joints | Mapping[str, Goal],
     *,
-    final_attitude: npt.ArrayLike | pin.SE3 | float | None = None,
+    final_attitude: ArrayLike | pin.SE3 | float | None = None,
     duration: float | None = None,
     origin: Origin = "spacecraft",
     constraints: Constraints = Constraints(),

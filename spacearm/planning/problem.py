@@ -10,10 +10,9 @@ from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite
+from spacearm.arrays import Array, ArrayLike, finite
 from spacearm.collisions.separation import Collisions, Contact, collision_geometry
 from spacearm.collisions.swept_motion import Curved, Floating, SweptMotion
 from spacearm.errors import ImpossibleError, NoSolutionError, UnsupportedError
@@ -436,7 +435,7 @@ def _check_joints(cfg: Configuration, q: Array, target: Target) -> None:
     _check_clear(cfg.arm.at(q), "goal", target.clearance)
 
 
-def _attitude(cfg: Configuration, attitude: npt.ArrayLike | pin.SE3) -> Array:
+def _attitude(cfg: Configuration, attitude: ArrayLike | pin.SE3) -> Array:
     """Return the attitude (3, 3) asked for.
 
     Raises:
@@ -453,7 +452,7 @@ def _attitude(cfg: Configuration, attitude: npt.ArrayLike | pin.SE3) -> Array:
     return rotation
 
 
-def _rotation(arm: SpaceArm, attitude: npt.ArrayLike | pin.SE3) -> Array:
+def _rotation(arm: SpaceArm, attitude: ArrayLike | pin.SE3) -> Array:
     """Return the rotation (3, 3) that final_attitude stands for."""
     normal = arm.tree.plane_normal()
     given = attitude.rotation if isinstance(attitude, pin.SE3) else attitude

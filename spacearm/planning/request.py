@@ -8,10 +8,9 @@ from numbers import Real
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Parameters, finite, plain, positive, whole
+from spacearm.arrays import Array, ArrayLike, Parameters, finite, plain, positive, whole
 from spacearm.collisions.obstacles import Obstacle, ObstacleLike, obstacles_of
 from spacearm.errors import ConfigurationError, listed, require_known
 from spacearm.model.arguments import require_possible
@@ -26,7 +25,7 @@ from spacearm.singularities.box_graph import FreeBoxes
 #: Largest clearance [rad]: the distance to the singular set is too rough beyond.
 FARTHEST = 1.0
 #: The task's rows of a twist [m/s], [rad/s]; of several tips by their names.
-FinalTwist: TypeAlias = npt.ArrayLike | Mapping[str, npt.ArrayLike]
+FinalTwist: TypeAlias = ArrayLike | Mapping[str, ArrayLike]
 
 
 @checked
@@ -38,7 +37,7 @@ class Joints:
         q: (n,) joint positions [rad] or [m].
     """
 
-    q: npt.ArrayLike
+    q: ArrayLike
 
     def to_dict(self) -> dict[str, Any]:
         """Return the goal as plain data, q as a list."""
@@ -80,7 +79,7 @@ class Constraints(Parameters):
     obstacles: ObstacleLike | Sequence[ObstacleLike] = ()
     clearance: float | None = None
     keep_attitude: float | None = None
-    rates: npt.ArrayLike | None = None
+    rates: ArrayLike | None = None
     wheels: WheelHold | None = None
 
     def __post_init__(self) -> None:
@@ -167,7 +166,7 @@ class PlanRequest:
     goal: Goal | Joints
     goals: Mapping[str, Goal] = field(default_factory=dict)
     via: tuple[Goal | Joints, ...] = ()
-    final_attitude: npt.ArrayLike | pin.SE3 | float | None = None
+    final_attitude: ArrayLike | pin.SE3 | float | None = None
     final_twist: Array | None = None
     duration: float | None = None
     constraints: Constraints
@@ -185,7 +184,7 @@ class PlanRequest:
         constraints: Constraints,
         search: Search,
         via: tuple[Goal | Joints, ...],
-        final_attitude: npt.ArrayLike | pin.SE3 | float | None,
+        final_attitude: ArrayLike | pin.SE3 | float | None,
         duration: float | None,
         final_twist: FinalTwist | None = None,
     ) -> PlanRequest:

@@ -7,11 +7,10 @@ from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, ArrayLike
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import inverse_dynamics, momentum_and_torque
 from spacearm.mechanics.floating import placed
@@ -50,9 +49,9 @@ class Limits:
         self,
         arm: SpaceArm,
         mode: BaseMode,
-        rate: npt.ArrayLike | None,
-        acceleration: npt.ArrayLike | None,
-        torque: npt.ArrayLike | None,
+        rate: ArrayLike | None,
+        acceleration: ArrayLike | None,
+        torque: ArrayLike | None,
         wheels: Wheels | None,
     ) -> None:
         self.arm, self.mode, self.wheels = arm, mode, wheels
@@ -155,9 +154,9 @@ DIVIDED = (1, 2, 4, 8)
 def time_optimal(
     motion: AnyMotion,
     *,
-    torque: npt.ArrayLike | None = None,
-    rate: npt.ArrayLike | None = None,
-    acceleration: npt.ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    rate: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
     wheels: WheelHold | None = None,
     rise: float = RISE,
 ) -> AnyMotion:

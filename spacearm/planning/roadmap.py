@@ -21,9 +21,8 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.planning.guesses import Guess, GuessFinder, angles, closed
-from spacearm.planning.many_curves import Indices
 from spacearm.planning.optimiser import Corners
 
 #: Searches for postures at the goal, for each size of the turns to their attitudes [rad].
@@ -63,10 +62,10 @@ class Ways(NamedTuple):
         times: (m,) how many times each is run through.
     """
 
-    nodes: Indices
+    nodes: Integers
     turn: Rotation
     travel: Array
-    times: Indices
+    times: Integers
 
     def cheapest(self) -> Ways:
         """Return the shortest way for each turn."""
@@ -166,7 +165,7 @@ class Roadmap:
         turns[a, b], turns[b, a] = turn.as_quat(), turn.inv().as_quat()
         return travel, turns
 
-    def _tree(self) -> tuple[Array, Indices, Rotation]:
+    def _tree(self) -> tuple[Array, Integers, Rotation]:
         """Find the shortest ways from the start on which bodies of the arm are not seen to meet.
 
         Returns:
@@ -232,7 +231,7 @@ class Roadmap:
             np.ones(len(by), dtype=np.int64),
         )
 
-    def _turns(self, a: Indices | int, b: Indices | int) -> Rotation:
+    def _turns(self, a: Integers | int, b: Integers | int) -> Rotation:
         """Return the turns of the spacecraft from postures to others."""
         return Rotation.from_quat(self._turn[a, b].reshape(-1, 4))
 

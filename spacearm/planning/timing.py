@@ -7,10 +7,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import BSpline, PPoly, make_interp_spline
 
-from spacearm.arrays import Array, finite
+from spacearm.arrays import Array, ArrayLike, finite
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 
@@ -84,7 +83,7 @@ def largest_rates(arm: SpaceArm) -> Array:
         return (velocity[:, None] / coupling).min(axis=0)
 
 
-def for_each_joint(arm: SpaceArm, given: npt.ArrayLike | None, name: str, default: Array) -> Array:
+def for_each_joint(arm: SpaceArm, given: ArrayLike | None, name: str, default: Array) -> Array:
     """Return a limit for each joint (n,), the default where none is given.
 
     Raises:

@@ -15,15 +15,15 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Booleans, Integers
 from spacearm.collisions.separation import Collisions
 from spacearm.equations.turns import GAUSS
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arguments import FLOATING
 from spacearm.motion.goal import goal_rows
-from spacearm.planning.guesses import CLOSE, GuessFinder, Mask, lengths
-from spacearm.planning.many_curves import Indices, inverse_kinematics, spacecraft_turns
+from spacearm.planning.guesses import CLOSE, GuessFinder, lengths
+from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns
 from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, SPACING
 from spacearm.planning.problem import Problem, Rows
 from spacearm.singularities.box_graph import FreeBoxes
@@ -75,7 +75,7 @@ class Tree:
         s = np.add.outer(np.arange(INTERVALS), GAUSS).ravel() / INTERVALS
         self._gauss, self._along = s[:, None], np.linspace(0.0, 1.0, POINTS)[1:, None]
         self._q, self._T = self.start.q[None], self.start.base.rotation[None]
-        self._parent: Indices = np.array([-1])
+        self._parent: Integers = np.array([-1])
         self._ends: tuple[Array, Array] = (np.empty((0, 3, 3)), np.empty((0, self.arm.n)))
         self._rounds = 0
 
@@ -172,7 +172,7 @@ class Tree:
             self._ends = np.concatenate((T, more_T)), np.concatenate((Q, more_Q))
         self._rounds += 1
 
-    def _grow(self) -> Indices:
+    def _grow(self) -> Integers:
         """Add branches to random postures; return the numbers of the new nodes."""
         Q = self.free.draw(GROWN, self.rng)
         apart = np.abs(Q[:, None] - self._q).max(axis=2)
@@ -192,7 +192,7 @@ class Tree:
         self._parent = np.append(self._parent, near[apart_too])
         return np.arange(first, len(self._q))
 
-    def _apart(self, Q: Array, T: Array) -> Mask:
+    def _apart(self, Q: Array, T: Array) -> Booleans:
         """Tell in which postures (K, n), with attitudes (K, 3, 3), no bodies meet."""
         if self.collisions is None:
             return np.ones(len(Q), dtype=bool)
@@ -204,7 +204,7 @@ class Tree:
             dtype=bool,
         )
 
-    def _landed(self, nodes: Indices) -> Iterator[Array]:
+    def _landed(self, nodes: Integers) -> Iterator[Array]:
         """Yield the motions that lead from some nodes to the goal."""
         if len(nodes) == 0:
             return
@@ -231,7 +231,7 @@ class Tree:
             else:
                 self.account.ways["contact"] += 1
 
-    def _arriving(self, W: Array, T: Array) -> tuple[Array, Mask, Array]:
+    def _arriving(self, W: Array, T: Array) -> tuple[Array, Booleans, Array]:
         """Move the last corners of motions until the tip arrives.
 
         Args:
@@ -246,7 +246,7 @@ class Tree:
         if target.tip is None or len(W) == 0:
             return W, np.ones(len(W), dtype=bool), self._room(W[:, -2:])
 
-        def attitude(Q: Array, rows: Indices) -> Array:
+        def attitude(Q: Array, rows: Integers) -> Array:
             W[rows, -1] = Q
             return T[rows] @ self._turns(W[rows, -2:])
 

@@ -13,23 +13,7 @@ from spacearm.closure.holding import Held
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.plots.style import (
-    BLUE,
-    COLOURS,
-    GREEN,
-    GREY,
-    IN_FRONT,
-    ORANGE,
-    PURPLE,
-    RED,
-    UP,
-    annotate,
-    axes_for,
-    draws,
-    entitle,
-    equal_axes,
-    flat_rows,
-)
+from spacearm.plots import style
 from spacearm.plots.triangles import bare, draw_bodies, draw_target, stand_ins
 from spacearm.singularities.nearest import NearestSingular
 from spacearm.singularities.report import singularity
@@ -42,12 +26,12 @@ LEAST = 0.08
 SIZE = (7.2, 6.0)
 
 
-@draws(Configuration)
+@style.draws(Configuration)
 def draw_configuration(
     cfg: Configuration,
     ax: Any,
     *,
-    color: str = GREY,
+    color: str = style.GREY,
     label: bool = True,
     velocities: bool = False,
 ) -> Any:
@@ -62,15 +46,15 @@ def draw_configuration(
         velocities: Whether to draw what unit joint rates give to the tip, and the lost direction:
             for planar arms whose task is the position of the tip.
     """
-    axes = axes_for(ax, *SIZE, spatial=not in_plane(cfg))
+    axes = style.axes_for(ax, *SIZE, spatial=not in_plane(cfg))
     draw_posture(axes, cfg, color=color, label=label)
     if velocities:
         draw_velocities(axes, cfg)
-    entitle(axes, f"{cfg.arm.name}: spacecraft, arm and system CM (+){stand_ins(cfg.arm)}")
+    style.entitle(axes, f"{cfg.arm.name}: spacecraft, arm and system CM (+){stand_ins(cfg.arm)}")
     return axes
 
 
-@draws(Held, HeldReport)
+@style.draws(Held, HeldReport)
 def draw_held(result: Held | HeldReport, ax: Any) -> Any:
     """Draw the arms and what they hold.
 
@@ -80,16 +64,16 @@ def draw_held(result: Held | HeldReport, ax: Any) -> Any:
             figure.
     """
     cfg = result.configuration
-    axes = axes_for(ax, *SIZE, spatial=not in_plane(cfg))
+    axes = style.axes_for(ax, *SIZE, spatial=not in_plane(cfg))
     if result.target is not None:
         draw_target(axes, result.target, _rows(cfg) if in_plane(cfg) else (0, 1, 2))
     draw_posture(axes, cfg)
-    entitle(axes, result.describe().headline)
+    style.entitle(axes, result.describe().headline)
     return axes
 
 
-@draws(SpaceArm)
-def draw_arm(arm: SpaceArm, ax: Any, *, color: str = GREY, label: bool = True) -> Any:
+@style.draws(SpaceArm)
+def draw_arm(arm: SpaceArm, ax: Any, *, color: str = style.GREY, label: bool = True) -> Any:
     """Draw an arm with all joints at zero, or at the limit next to zero.
 
     Args:
@@ -110,7 +94,12 @@ def in_plane(cfg: Configuration) -> bool:
 
 
 def draw_posture(
-    axes: Any, cfg: Configuration, *, color: str = GREY, label: bool = True, alpha: float = 1.0
+    axes: Any,
+    cfg: Configuration,
+    *,
+    color: str = style.GREY,
+    label: bool = True,
+    alpha: float = 1.0,
 ) -> None:
     """Draw the bodies of an arm and of its spacecraft, joints and tips, and the system CM.
 
@@ -128,7 +117,7 @@ def draw_posture(
     """
     arm, rows = cfg.arm, (0, 1, 2) if axes.name == "3d" else _rows(cfg)
     draw_bodies(axes, cfg, rows, color, alpha)
-    over, without = {"zorder": IN_FRONT, "alpha": alpha}, set(bare(arm))
+    over, without = {"zorder": style.IN_FRONT, "alpha": alpha}, set(bare(arm))
     for name in arm.tips:
         places, links = _places(cfg, name)
         places = places[:, rows]
@@ -141,14 +130,14 @@ def draw_posture(
         com = cfg.com[list(rows)]
         for name, pose in zip(arm.tips, cfg.tips, strict=True):
             tip = pose.translation[list(rows)]
-            away = tip - com if len(rows) == 2 else UP  # from the arm, as far as it is known
-            annotate(axes, "tip" if len(arm.tips) == 1 else name, tip, color, towards=away)
-        annotate(axes, "CM", com, "black", towards=-away)
+            away = tip - com if len(rows) == 2 else style.UP  # from the arm, as far as it is known
+            style.annotate(axes, "tip" if len(arm.tips) == 1 else name, tip, color, towards=away)
+        style.annotate(axes, "CM", com, "black", towards=-away)
     axes.margins(0.12)
-    equal_axes(axes, "".join("xyz"[i] for i in rows))
+    style.equal_axes(axes, "".join("xyz"[i] for i in rows))
 
 
-@draws(UncertainArm)
+@style.draws(UncertainArm)
 def draw_uncertain(result: UncertainArm, ax: Any) -> Any:
     """Draw the arm as described.
 
@@ -159,7 +148,7 @@ def draw_uncertain(result: UncertainArm, ax: Any) -> Any:
     return draw_arm(result.arm, ax)
 
 
-@draws(VirtualManipulator)
+@style.draws(VirtualManipulator)
 def draw_virtual_manipulator_alone(result: VirtualManipulator, ax: Any) -> Any:
     """Draw the chain of constant links from the system CM to the tip.
 
@@ -168,15 +157,15 @@ def draw_virtual_manipulator_alone(result: VirtualManipulator, ax: Any) -> Any:
         ax: Matplotlib axes to draw into, three-dimensional ones unless all links lie in a plane;
             None for a new figure.
     """
-    rows = flat_rows(result.points)
-    axes = axes_for(ax, *SIZE, spatial=len(rows) == 3)
+    rows = style.flat_rows(result.points)
+    axes = style.axes_for(ax, *SIZE, spatial=len(rows) == 3)
     _draw_chain(axes, result, rows)
     lengths = ", ".join(f"{x:.3g}" for x in np.linalg.norm(result.links, axis=1))
-    entitle(axes, f"Virtual Manipulator: links of {lengths} m")
+    style.entitle(axes, f"Virtual Manipulator: links of {lengths} m")
     return axes
 
 
-@draws(Barycentric)
+@style.draws(Barycentric)
 def draw_barycentric(result: Barycentric, ax: Any, *, chain: bool = True) -> Any:
     """Draw the bodies' CMs, their barycentres, equation (8), and the Virtual Manipulator.
 
@@ -189,25 +178,26 @@ def draw_barycentric(result: Barycentric, ax: Any, *, chain: bool = True) -> Any
     links = result.virtual_manipulator
     bodies = result.r_cm + result.rho @ result.T0.T
     barycentres = bodies + result.c @ result.T0.T
-    rows = flat_rows(np.vstack((links.points, bodies, barycentres)))
-    axes = axes_for(ax, *SIZE, spatial=len(rows) == 3)
+    rows = style.flat_rows(np.vstack((links.points, bodies, barycentres)))
+    axes = style.axes_for(ax, *SIZE, spatial=len(rows) == 3)
     for name, points, marker, color in (
-        ("CM of a body", bodies, "o", BLUE), ("barycentre of a body", barycentres, "D", ORANGE)
-    ):  # fmt: skip
+        ("CM of a body", bodies, "o", style.BLUE),
+        ("barycentre of a body", barycentres, "D", style.ORANGE),
+    ):
         axes.plot(*points[:, rows].T, marker, ms=7, color=color, label=name)
     for first, last in _together(bodies):
         name = f"{first}" if first == last else f"{first}–{last}"
-        annotate(axes, name, bodies[first : last + 1, rows].mean(axis=0), BLUE)
+        style.annotate(axes, name, bodies[first : last + 1, rows].mean(axis=0), style.BLUE)
     if chain:
         _draw_chain(axes, links, rows)
     axes.legend(frameon=False, loc="upper right")
-    equal_axes(axes, "".join("xyz"[i] for i in rows))
+    style.equal_axes(axes, "".join("xyz"[i] for i in rows))
     also = " and Virtual Manipulator" if chain else ""
-    entitle(axes, f"{result.M:.4g} kg: CMs{',' if chain else ' and'} barycentres{also}")
+    style.entitle(axes, f"{result.M:.4g} kg: CMs{',' if chain else ' and'} barycentres{also}")
     return axes
 
 
-@draws(Region)
+@style.draws(Region)
 def draw_region(result: Region, ax: Any) -> Any:
     """Draw what can happen at a point: the singular postures that reach it, or its distance alone.
 
@@ -217,23 +207,23 @@ def draw_region(result: Region, ax: Any) -> Any:
             None for a new figure.
     """
     found = result.singular
-    axes = axes_for(ax, *SIZE, spatial=bool(found) and not in_plane(found[0]))
-    for cfg, color in zip(found, COLOURS, strict=False):
+    axes = style.axes_for(ax, *SIZE, spatial=bool(found) and not in_plane(found[0]))
+    for cfg, color in zip(found, style.COLOURS, strict=False):
         draw_posture(axes, cfg, color=color, label=cfg is found[0])
     if not found:
         around = np.linspace(0.0, 2.0 * np.pi, 200)
-        color = GREEN if result.kind == "path independent" else RED
+        color = style.GREEN if result.kind == "path independent" else style.RED
         axes.plot(result.radius * np.cos(around), result.radius * np.sin(around), color=color)
         axes.plot(0, 0, marker="P", ms=9, color="black", ls="none")
-        annotate(axes, "CM", np.zeros(2), "black")
+        style.annotate(axes, "CM", np.zeros(2), "black")
         where = "from the system CM [m]"
         axes.set(aspect="equal", xlabel=where, ylabel=where)
     number = f"\nsingular postures with the tip there: {len(found)}" if found else ""
-    entitle(axes, f"{result.radius:.4g} m from the CM: {result.kind}{number}")
+    style.entitle(axes, f"{result.radius:.4g} m from the CM: {result.kind}{number}")
     return axes
 
 
-@draws(NearestSingular)
+@style.draws(NearestSingular)
 def draw_nearest(result: NearestSingular, ax: Any) -> Any:
     """Draw the posture and, in red, the nearest singular one that was found.
 
@@ -243,25 +233,25 @@ def draw_nearest(result: NearestSingular, ax: Any) -> Any:
             figure.
     """
     cfg, singular = (result.arm.at(q) for q in (result.start, result.q))
-    axes = axes_for(ax, *SIZE, spatial=not in_plane(cfg))
+    axes = style.axes_for(ax, *SIZE, spatial=not in_plane(cfg))
     draw_posture(axes, cfg)
-    draw_posture(axes, singular, color=RED, label=False)
-    entitle(axes, f"{result.arm.name}, {result.mode}\n{result.describe().verdict}")
+    draw_posture(axes, singular, color=style.RED, label=False)
+    style.entitle(axes, f"{result.arm.name}, {result.mode}\n{result.describe().verdict}")
     return axes
 
 
 def _draw_chain(axes: Any, chain: VirtualManipulator, rows: tuple[int, ...]) -> None:
     points = chain.points[:, rows]
-    axes.plot(*points.T, "-o", color=PURPLE, lw=2.5, ms=6, mfc="white")
+    axes.plot(*points.T, "-o", color=style.PURPLE, lw=2.5, ms=6, mfc="white")
     axes.plot(*points[:1].T, marker="P", ms=9, color="black", ls="none")
-    annotate(axes, "CM", points[0], "black")
-    annotate(axes, "tip", points[-1], PURPLE)
+    style.annotate(axes, "CM", points[0], "black")
+    style.annotate(axes, "tip", points[-1], style.PURPLE)
     lengths = np.linalg.norm(chain.links, axis=1)
     for i in np.flatnonzero(lengths > LEAST * lengths.sum()):
         middle = 0.5 * (points[i] + points[i + 1])
-        annotate(axes, rf"$\mathbf{{v}}_{{{i}}}$", middle, PURPLE, formula=True)
+        style.annotate(axes, rf"$\mathbf{{v}}_{{{i}}}$", middle, style.PURPLE, formula=True)
     axes.margins(0.12)
-    equal_axes(axes, "".join("xyz"[i] for i in rows))
+    style.equal_axes(axes, "".join("xyz"[i] for i in rows))
 
 
 def _together(points: Array) -> list[tuple[int, int]]:
@@ -308,13 +298,13 @@ def draw_velocities(axes: Any, cfg: Configuration) -> None:
     sides, sigma, _ = np.linalg.svd(report.jacobian)
     turn = np.linspace(0.0, 2.0 * np.pi, 200)
     circle = np.array([np.cos(turn), np.sin(turn)])
-    axes.plot(*(tip[:, None] + SECONDS * (sides * sigma) @ circle), color=BLUE, lw=2)
+    axes.plot(*(tip[:, None] + SECONDS * (sides * sigma) @ circle), color=style.BLUE, lw=2)
     for lost in report.lost.T:
         for sign in (1.0, -1.0):
-            arrow = {"arrowstyle": "-|>", "color": RED, "lw": 2.5}
+            arrow = {"arrowstyle": "-|>", "color": style.RED, "lw": 2.5}
             axes.annotate("", tip + sign * 0.8 * lost, tip, arrowprops=arrow)
         away = np.sign(lost @ (tip - _flat(cfg, cfg.com))) * lost
-        annotate(axes, "no motion\nthis way", tip + 0.85 * away, RED, towards=away)
+        style.annotate(axes, "no motion\nthis way", tip + 0.85 * away, style.RED, towards=away)
 
 
 def _rows(cfg: Configuration) -> tuple[int, int]:

@@ -14,17 +14,7 @@ from spacearm.closure.held_report import ClosedMap
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.model.arm import SpaceArm
 from spacearm.planning.result import Connection
-from spacearm.plots.style import (
-    BLUE,
-    COLOURS,
-    GREEN,
-    GREY,
-    RED,
-    axes_for,
-    draws,
-    entitle,
-    write_powers,
-)
+from spacearm.plots import style
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.box_graph import FreeBoxes
@@ -45,7 +35,7 @@ BINS = 18
 MOST_SAMPLED, MOST_FOUND = 4000, 200
 
 
-@draws(SingularMap, size=(7.2, 6.0))
+@style.draws(SingularMap, size=(7.2, 6.0))
 def draw_map(result: SingularMap, axes: Any, *, box: FreeBox | None = None) -> None:
     """Draw the distance to first order over two joints, with the exact curves where known.
 
@@ -71,10 +61,10 @@ def draw_map(result: SingularMap, axes: Any, *, box: FreeBox | None = None) -> N
         f"{name}\N{NO-BREAK SPACE}{np.degrees(x):.4g}" for name, x in result.held.items() if x
     )
     where = f"\n{held} deg, others 0" if held else ""
-    entitle(axes, f"{result.arm}: {what}{where}")
+    style.entitle(axes, f"{result.arm}: {what}{where}")
 
 
-@draws(ClosedMap, size=(7.2, 6.0))
+@style.draws(ClosedMap, size=(7.2, 6.0))
 def draw_closed_map(result: ClosedMap, axes: Any) -> None:
     """Draw how far singular postures are while what is held moves in two directions.
 
@@ -88,8 +78,8 @@ def draw_closed_map(result: ClosedMap, axes: Any) -> None:
     units = ["deg" if turn else "m" for turn in turns]
     axes.set_xlabel(f"moved along {result.axes[0]} [{units[0]}]")
     axes.set_ylabel(f"moved along {result.axes[1]} [{units[1]}]")
-    axes.plot(0.0, 0.0, "+", color=RED)
-    entitle(axes, result.describe().headline)
+    axes.plot(0.0, 0.0, "+", color=style.RED)
+    style.entitle(axes, result.describe().headline)
 
 
 def _draw_distance(axes: Any, x: Array, y: Array, distance: Array) -> None:
@@ -104,7 +94,7 @@ def _draw_distance(axes: Any, x: Array, y: Array, distance: Array) -> None:
     axes.figure.colorbar(image, ax=axes, label=FIRST_ORDER, shrink=0.9, extend=beyond)
 
 
-@draws(SingularSet)
+@style.draws(SingularSet)
 def draw_singular_set(result: SingularSet, ax: Any) -> Any:
     """Draw a singular set over the joints that matter to it.
 
@@ -129,17 +119,17 @@ def draw_singular_set(result: SingularSet, ax: Any) -> Any:
         )
     names = [arm.joint_names[j] for j in relevant]
     if result.dimension == 2 and len(relevant) == 3:
-        axes = axes_for(ax, 6.8, 6.0, spatial=True)
+        axes = style.axes_for(ax, 6.8, 6.0, spatial=True)
         _draw_surface(axes, result)
         _angle_axes(axes, names)
     elif result.dimension == 1:
-        axes = axes_for(ax, 6.4, 6.0, spatial=len(relevant) == 3)
+        axes = style.axes_for(ax, 6.4, 6.0, spatial=len(relevant) == 3)
         _draw_curves(axes, [curve[:, relevant] for curve in result.curves()])
         _angle_axes(axes, names)
     else:
         samples = result.sample(MOST_SAMPLED, np.random.default_rng(0))
         axes = _draw_samples(arm, samples, ax)
-    entitle(axes, f"{arm.name}, {result.mode}: singular set")
+    style.entitle(axes, f"{arm.name}, {result.mode}: singular set")
     return axes
 
 
@@ -148,7 +138,7 @@ def _draw_found(result: SingularSet, ax: Any) -> Any:
     samples = result.sample(MOST_FOUND, np.random.default_rng(0))
     axes = _draw_samples(result.arm, samples, ax)
     found = f"{len(samples)} singular configurations found"
-    entitle(axes, f"{result.arm.name}, {result.mode}: {found}")
+    style.entitle(axes, f"{result.arm.name}, {result.mode}: {found}")
     return axes
 
 
@@ -163,7 +153,7 @@ def _rootless(result: SingularSet) -> bool:
 
 def _draw_curves(axes: Any, curves: list[Array]) -> None:
     for curve in curves:
-        axes.plot(*_on_screen(np.degrees(curve)).T, color=RED, lw=2.0)
+        axes.plot(*_on_screen(np.degrees(curve)).T, color=style.RED, lw=2.0)
 
 
 def _draw_limits(axes: Any, limits: Array) -> None:
@@ -176,7 +166,7 @@ def _draw_limits(axes: Any, limits: Array) -> None:
                 span(first, last, **look, label=label)
                 label = "_the same"
     if label == "_the same":
-        axes.legend(loc="upper right", facecolor=GREY, labelcolor="white", framealpha=0.9)
+        axes.legend(loc="upper right", facecolor=style.GREY, labelcolor="white", framealpha=0.9)
 
 
 def _draw_ranges(axes: Any, result: SingularMap, box: FreeBox) -> None:
@@ -194,11 +184,11 @@ def _draw_ranges(axes: Any, result: SingularMap, box: FreeBox) -> None:
     label = "no singular posture, proven"
     for x, y in product((0.0, -360.0, 360.0), repeat=2):
         axes.add_patch(
-            Rectangle((left + x, low + y), right - left, high - low, fill=False, edgecolor=GREEN,
-                      lw=2.5, label=label)
+            Rectangle((left + x, low + y), right - left, high - low, fill=False, lw=2.5,
+                      edgecolor=style.GREEN, label=label)
         )  # fmt: skip
         label = "_the same"
-    axes.legend(loc="upper right", facecolor=GREY, labelcolor="white", framealpha=0.9)
+    axes.legend(loc="upper right", facecolor=style.GREY, labelcolor="white", framealpha=0.9)
 
 
 def _draw_surface(axes: Any, result: SingularSet) -> None:
@@ -206,22 +196,22 @@ def _draw_surface(axes: Any, result: SingularSet) -> None:
     corners = np.degrees(mesh.vertices)[mesh.triangles]
     across = (np.ptp(corners, axis=1) > 180.0).any(axis=1)
     axes.add_collection3d(
-        Poly3DCollection(corners[~across], facecolors=RED, alpha=0.6, shade=True, lw=0)
+        Poly3DCollection(corners[~across], facecolors=style.RED, alpha=0.6, shade=True, lw=0)
     )
     axes.set_box_aspect((1, 1, 1))
 
 
 def _draw_samples(arm: SpaceArm, samples: Array, ax: Any) -> Any:
     """Draw samples over two joints, or a histogram over the only joint of an arm."""
-    axes = axes_for(ax, 6.4, 6.0)
+    axes = style.axes_for(ax, 6.4, 6.0)
     shown = samples * np.where(arm.slides, 1.0, 180.0 / np.pi)
     labels = _joint_labels(arm)
     if arm.n == 1:
-        axes.hist(shown[:, 0], bins=BINS**2, color=RED)
+        axes.hist(shown[:, 0], bins=BINS**2, color=style.RED)
         axes.set(xlabel=labels[0], ylabel="samples")
         return axes
     i, j = max(combinations(range(arm.n), 2), key=lambda pair: _structure(shown[:, pair]))
-    axes.plot(shown[:, i], shown[:, j], ".", color=RED, ms=3, alpha=0.6)
+    axes.plot(shown[:, i], shown[:, j], ".", color=style.RED, ms=3, alpha=0.6)
     if not arm.slides[[i, j]].any():
         _angle_axes(axes, (arm.joint_names[i], arm.joint_names[j]))
     axes.set(xlabel=labels[i], ylabel=labels[j])
@@ -261,7 +251,7 @@ def _on_screen(curve: Array) -> Array:
 POINTS = 361
 
 
-@draws(TrigPolynomial)
+@style.draws(TrigPolynomial)
 def draw_polynomial(result: TrigPolynomial, ax: Any) -> Any:
     """Draw a polynomial of one or two angles with its zeros, one of more by its coefficients.
 
@@ -271,19 +261,19 @@ def draw_polynomial(result: TrigPolynomial, ax: Any) -> Any:
         result: The polynomial.
         ax: Matplotlib axes to draw into; None for a new figure.
     """
-    axes = axes_for(ax, 7.2, 4.4 if result.n != 2 else 6.0)
+    axes = style.axes_for(ax, 7.2, 4.4 if result.n != 2 else 6.0)
     draw = {1: _draw_curve, 2: _draw_map}.get(result.n, _draw_coefficients)
     draw(axes, result)
-    entitle(axes, f"Trigonometric polynomial of degrees {result.degrees}")
+    style.entitle(axes, f"Trigonometric polynomial of degrees {result.degrees}")
     return axes
 
 
 def _draw_curve(axes: Any, S: TrigPolynomial) -> None:
     q = np.linspace(-np.pi, np.pi, POINTS)
-    axes.axhline(0.0, color=GREY, lw=0.8)
-    axes.plot(np.degrees(q), S(q[:, None]), color=BLUE, lw=2)
+    axes.axhline(0.0, color=style.GREY, lw=0.8)
+    axes.plot(np.degrees(q), S(q[:, None]), color=style.BLUE, lw=2)
     roots = S.roots(np.zeros(1), 0).angles
-    axes.plot(np.degrees(roots), np.zeros(len(roots)), "o", color=RED)
+    axes.plot(np.degrees(roots), np.zeros(len(roots)), "o", color=style.RED)
     axes.set(xlim=(-180, 180), xticks=range(-180, 181, 60), xlabel="q1 [deg]", ylabel="value")
 
 
@@ -310,14 +300,14 @@ def _draw_coefficients(axes: Any, S: TrigPolynomial) -> None:
     )
     kept = sizes > np.finfo(np.float64).eps * max(S.scale, 1e-300)
     axes.semilogy(
-        np.broadcast_to(order, sizes.shape)[kept], sizes[kept], "o", color=BLUE, alpha=0.4
+        np.broadcast_to(order, sizes.shape)[kept], sizes[kept], "o", color=style.BLUE, alpha=0.4
     )
     axes.set(xlabel="order of the coefficient", ylabel="size of the coefficient")
     axes.xaxis.get_major_locator().set_params(integer=True)
-    write_powers(axes.yaxis)
+    style.write_powers(axes.yaxis)
 
 
-@draws(FreeBox)
+@style.draws(FreeBox)
 def draw_free_box(result: FreeBox, ax: Any) -> Any:
     """Draw the range of each joint that is proven free, in its limits or in one turn.
 
@@ -326,7 +316,7 @@ def draw_free_box(result: FreeBox, ax: Any) -> Any:
         ax: Matplotlib axes to draw into; None for a new figure.
     """
     arm = result.arm
-    axes = axes_for(ax, 7.2, 1.2 + 0.45 * arm.n)
+    axes = style.axes_for(ax, 7.2, 1.2 + 0.45 * arm.n)
     scale = np.where(arm.slides, 1.0, 180.0 / np.pi)
     wide = np.where(arm.slides, 1.0, np.pi)
     for j in range(arm.n):
@@ -334,16 +324,18 @@ def draw_free_box(result: FreeBox, ax: Any) -> Any:
         right = arm.upper[j] if np.isfinite(arm.upper[j]) else wide[j]
         low, high = np.clip((result.lower[j], result.upper[j]), left, right) * scale[j]
         left, right = left * scale[j], right * scale[j]
-        axes.barh(j, right - left, left=left, height=0.5, color=GREY, alpha=0.25)
-        axes.barh(j, high - low, left=low, height=0.5, color=GREEN)
+        axes.barh(j, right - left, left=left, height=0.5, color=style.GREY, alpha=0.25)
+        axes.barh(j, high - low, left=low, height=0.5, color=style.GREEN)
     axes.set_yticks(range(arm.n), arm.joint_names)
     axes.invert_yaxis()
     axes.set(xlabel="joint position [°] or [m]")
-    entitle(axes, f"{arm.name}, {result.mode}: no singular posture in the green ranges, proven")
+    style.entitle(
+        axes, f"{arm.name}, {result.mode}: no singular posture in the green ranges, proven"
+    )
     return axes
 
 
-@draws(FreeBoxes, size=(7.2, 5.2))
+@style.draws(FreeBoxes, size=(7.2, 5.2))
 def draw_free_boxes(result: FreeBoxes, axes: Any) -> None:
     """Draw the boxes over two joints; of more joints the share that the largest of them cover.
 
@@ -357,23 +349,23 @@ def draw_free_boxes(result: FreeBoxes, axes: Any) -> None:
         scale = np.where(arm.slides, 1.0, 180.0 / np.pi)
         for low, high in zip(scale * result.lower, scale * result.upper, strict=True):
             axes.add_patch(
-                Rectangle(low, *(high - low), facecolor=GREEN, edgecolor="white", lw=0.3)
+                Rectangle(low, *(high - low), facecolor=style.GREEN, edgecolor="white", lw=0.3)
             )
         axes.autoscale_view()
         labels = _joint_labels(arm)
         axes.set(xlabel=labels[0], ylabel=labels[1])
     else:
-        axes.plot(np.arange(1, len(covered) + 1), covered, color=GREEN, lw=2)
+        axes.plot(np.arange(1, len(covered) + 1), covered, color=style.GREEN, lw=2)
         axes.set(xlabel="largest boxes", ylabel="share of the range covered [%]")
     whole = covered[-1] if len(covered) else 0.0
-    entitle(
+    style.entitle(
         axes,
         f"{arm.name}, {result.mode}: {len(covered):,} boxes without singular posture, proven\n"
         f"{whole:.3g} % of the range",
     )
 
 
-@draws(Connection, size=(7.2, 4.6))
+@style.draws(Connection, size=(7.2, 4.6))
 def draw_connection(result: Connection, axes: Any) -> None:
     """Draw the joints along the path that connects both postures.
 
@@ -385,8 +377,8 @@ def draw_connection(result: Connection, axes: Any) -> None:
     if len(result.path):
         way = np.append(0.0, np.linalg.norm(np.diff(result.path, axis=0), axis=1).cumsum())
         for j, name in enumerate(result.arm.joint_names):
-            color = COLOURS[j % len(COLOURS)]
+            color = style.COLOURS[j % len(style.COLOURS)]
             axes.plot(way, scale[j] * result.path[:, j], "o-", color=color, label=name)
         axes.legend(frameon=False)
     axes.set(xlabel="length of the joint path [rad] or [m]", ylabel="joint position [°] or [m]")
-    entitle(axes, f"{result.arm.name}, connected without singularity: {result.answer}")
+    style.entitle(axes, f"{result.arm.name}, connected without singularity: {result.answer}")

@@ -14,25 +14,12 @@ from spacearm.mission.catch_report import Catch
 from spacearm.mission.dispersions import MISSES, CatchRuns
 from spacearm.mission.level import LevelEnvelope, LevelReach
 from spacearm.mission.reactions import PERCENTILES, Reaction, WheelSizing
-from spacearm.plots.style import (
-    BLUE,
-    COLOURS,
-    GREEN,
-    GREY,
-    ORANGE,
-    RED,
-    annotate,
-    axes_for,
-    draws,
-    entitle,
-    equal_axes,
-    write_powers,
-)
+from spacearm.plots import style
 
-AXES = (("x", BLUE), ("y", ORANGE), ("z", GREEN))
+AXES = (("x", style.BLUE), ("y", style.ORANGE), ("z", style.GREEN))
 
 
-@draws(FeasibleAttitudes)
+@style.draws(FeasibleAttitudes)
 def draw_attitudes(result: FeasibleAttitudes, ax: Any) -> Any:
     """Draw the feasible attitudes: a ring of a planar arm, a map of directions of others.
 
@@ -44,15 +31,15 @@ def draw_attitudes(result: FeasibleAttitudes, ax: Any) -> Any:
         ax: Matplotlib axes to draw into; None for a new figure.
     """
     if result.intervals is not None:
-        axes = axes_for(ax, 6.4, 6.0)
+        axes = style.axes_for(ax, 6.4, 6.0)
         _draw_ring(axes, result)
     else:
-        axes = axes_for(ax, 8.4, 5.0)
+        axes = style.axes_for(ax, 8.4, 5.0)
         _draw_directions(axes, result)
     return axes
 
 
-@draws(Catch, size=(8.0, 7.2), panels=lambda whole: whole.subplots(3, 1, sharex=True))
+@style.draws(Catch, size=(8.0, 7.2), panels=lambda whole: whole.subplots(3, 1, sharex=True))
 def draw_catch(result: Catch, panels: Any) -> None:
     """Draw over time how near the grapple frame and the singular set are, and the joint rates.
 
@@ -63,10 +50,10 @@ def draw_catch(result: Catch, panels: Any) -> None:
     gap, clear, rates = panels
     way, target, brake = result.approach, result.target, result.brake
     places = [target.at(float(t), result.grapple).pose.translation for t in way.t]
-    gap.plot(way.t, np.linalg.norm(way.tip[:, :3] - places, axis=1), color=BLUE)
+    gap.plot(way.t, np.linalg.norm(way.tip[:, :3] - places, axis=1), color=style.BLUE)
     gap.set(ylabel="tip to grapple\nframe [m]", ylim=(0.0, None))
-    clear.plot(way.t, np.degrees(way.distance), color=GREEN, label="found")
-    clear.axhline(np.degrees(result.distance_proven), color=GREY, ls=":", label="proven")
+    clear.plot(way.t, np.degrees(way.distance), color=style.GREEN, label="found")
+    clear.axhline(np.degrees(result.distance_proven), color=style.GREY, ls=":", label="proven")
     clear.set(ylabel="to the nearest singular\nposture [°]", ylim=(0.0, None))
     clear.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     begin, standing = result.begin, result.begin + result.plan.t[-1]
@@ -75,21 +62,21 @@ def draw_catch(result: Catch, panels: Any) -> None:
     )
     all_rates = np.degrees(np.concatenate((result.plan.dq, result.chase.dq, brake.dq)))
     for j, name in enumerate(way.arm.joint_names):
-        rates.plot(t, all_rates[:, j], color=COLOURS[j % len(COLOURS)], label=name)
+        rates.plot(t, all_rates[:, j], color=style.COLOURS[j % len(style.COLOURS)], label=name)
     rates.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     slides = "°/s, m/s" if way.arm.slides.any() else "°/s"
     rates.set(xlabel="time [s]", ylabel=f"joint rates [{slides}]")
     for panel in panels:
         for when in (begin, standing, result.t):
-            panel.axvline(when, color=GREY, lw=0.8, ls="--", zorder=0)
-    entitle(
+            panel.axvline(when, color=style.GREY, lw=0.8, ls="--", zorder=0)
+    style.entitle(
         gap,
         f"{way.arm.name} catches {target.name}: moves at {begin:.3g} s, at the stand-off at "
         f"{standing:.3g} s, contact at {result.t:.4g} s",
     )
 
 
-@draws(CatchRuns, size=(6.8, 4.2))
+@style.draws(CatchRuns, size=(6.8, 4.2))
 def draw_catch_runs(result: CatchRuns, axes: Any) -> None:
     """Draw how the errors at contact are distributed, over what the envelope allows.
 
@@ -99,16 +86,16 @@ def draw_catch_runs(result: CatchRuns, axes: Any) -> None:
     """
     shares = np.linspace(0.0, 100.0, len(result.caught))
     words = ("place", "angle", "velocity", "angular velocity")
-    for name, word, color in zip(MISSES, words, COLOURS, strict=False):
+    for name, word, color in zip(MISSES, words, style.COLOURS, strict=False):
         off = np.sort(getattr(result, name)) / getattr(result.envelope, name)
         axes.plot(off, shares, color=color, label=word)
-    axes.axvline(1.0, color=GREY, ls="--", label="envelope")
+    axes.axvline(1.0, color=style.GREY, ls="--", label="envelope")
     axes.set(xlabel="at contact, over the envelope", ylabel="runs [%]", xlim=(0.0, None))
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    entitle(axes, f"{result.catch.arm.name}: {result.share:.1%} of {len(shares)} runs caught")
+    style.entitle(axes, f"{result.catch.arm.name}: {result.share:.1%} of {len(shares)} runs caught")
 
 
-@draws(Reaction, size=(8.0, 8.4), panels=lambda whole: whole.subplots(4, 1, sharex=True))
+@style.draws(Reaction, size=(8.0, 8.4), panels=lambda whole: whole.subplots(4, 1, sharex=True))
 def draw_reaction(result: Reaction, panels: Any) -> None:
     """Draw over time what the spacecraft does, and what holding it takes.
 
@@ -121,22 +108,22 @@ def draw_reaction(result: Reaction, panels: Any) -> None:
         turns.plot(result.t, np.degrees(result.excursion[:, i]), color=color, label=name)
         wheels.plot(result.t, result.wheels[:, i], color=color)
         torque.plot(result.t, result.torque[:, i], color=color)
-    turns.plot(result.t, np.degrees(result.angle), color=GREY, ls="--", label="angle")
+    turns.plot(result.t, np.degrees(result.angle), color=style.GREY, ls="--", label="angle")
     turns.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    camera.plot(result.t, np.degrees(result.smear), color=RED)
+    camera.plot(result.t, np.degrees(result.smear), color=style.RED)
     turns.set_ylabel("turn, floating [°]")
     wheels.set_ylabel("wheels, held [N m s]")
     torque.set_ylabel("torque, held [N m]")
     camera.set(xlabel="time [s]", ylabel="smear, floating [°/s]")
     what = "any line of sight" if result.camera is None else "the line of sight"
-    entitle(
+    style.entitle(
         turns,
         f"{result.arm.name}: turns by up to {np.degrees(result.angle.max()):.3g}°, {what} by "
         f"{np.degrees(result.pointing.max()):.3g}°",
     )
 
 
-@draws(WheelSizing, size=(7.2, 4.6))
+@style.draws(WheelSizing, size=(7.2, 4.6))
 def draw_wheel_sizing(result: WheelSizing, axes: Any) -> None:
     """Draw which share of the cases a momentum of the wheels covers.
 
@@ -145,15 +132,15 @@ def draw_wheel_sizing(result: WheelSizing, axes: Any) -> None:
         axes: Where it is drawn.
     """
     share = 100.0 * (np.arange(len(result.momentum)) + 1.0) / len(result.momentum)
-    axes.plot(np.sort(result.momentum), share, color=GREY, lw=2, label="about any axis")
+    axes.plot(np.sort(result.momentum), share, color=style.GREY, lw=2, label="about any axis")
     for i, (name, color) in enumerate(AXES):
         axes.plot(np.sort(result.axes[:, i]), share, color=color, label=f"about {name}")
-    axes.axvline(np.percentile(result.momentum, PERCENTILES[-2]), color=RED, lw=1, ls=":")
+    axes.axvline(np.percentile(result.momentum, PERCENTILES[-2]), color=style.RED, lw=1, ls=":")
     axes.set(xlabel="momentum of the wheels [N m s]", ylabel=f"{result.cases} covered [%]")
     axes.set_ylim(0.0, 101.0)
     axes.legend(frameon=False)
     speed = "" if result.cases == "motions" else f", tip speed {result.tip_speed:g} m/s"
-    entitle(axes, f"{result.arm.name}{speed}: 99 % below the dotted line")
+    style.entitle(axes, f"{result.arm.name}{speed}: 99 % below the dotted line")
 
 
 def _draw_ring(axes: Any, result: FeasibleAttitudes) -> None:
@@ -161,24 +148,26 @@ def _draw_ring(axes: Any, result: FeasibleAttitudes) -> None:
         raise ConfigurationError("these attitudes are no ring")
     axes.add_patch(Wedge((0, 0), 1.0, 0, 360, width=0.22, facecolor="#e8ebee", edgecolor="none"))
     for low, high in np.degrees(result.intervals):
-        axes.add_patch(Wedge((0, 0), 1.0, low, high, width=0.22, facecolor=GREEN))
+        axes.add_patch(Wedge((0, 0), 1.0, low, high, width=0.22, facecolor=style.GREEN))
         if high - low < 359.9:
             for end in np.radians((low, high)):
                 edge = np.array([np.cos(end), np.sin(end)])
-                annotate(axes, f"{np.degrees(end):.2f}°", edge, "black", towards=edge)
+                style.annotate(axes, f"{np.degrees(end):.2f}°", edge, "black", towards=edge)
     started = result.ended != 6
     top = float(np.nanmax(result.distance, initial=0.0)) or 1.0
     radius = np.where(started, 0.72 * result.distance / top, np.nan)
-    axes.plot(radius * np.cos(result.angle), radius * np.sin(result.angle), color=BLUE, lw=1.5)
+    axes.plot(
+        radius * np.cos(result.angle), radius * np.sin(result.angle), color=style.BLUE, lw=1.5
+    )
     for angle in np.arange(-135, 181, 45):
         at = np.radians(angle)
         axes.plot([0.78 * np.cos(at), 0.76 * np.cos(at)], [0.78 * np.sin(at), 0.76 * np.sin(at)],
-                  color=GREY)  # fmt: skip
-        axes.text(0.68 * np.cos(at), 0.68 * np.sin(at), f"{angle}°", color=GREY, ha="center",
+                  color=style.GREY)  # fmt: skip
+        axes.text(0.68 * np.cos(at), 0.68 * np.sin(at), f"{angle}°", color=style.GREY, ha="center",
                   va="center", fontsize=9)  # fmt: skip
     axes.set(xlim=(-1.3, 1.3), ylim=(-1.3, 1.3), aspect="equal")
     axes.set_axis_off()
-    entitle(
+    style.entitle(
         axes,
         f"{result.arm.name}: the path can be followed from {result.share:.1%} of the attitudes\n"
         f"green: margin {np.degrees(result.margin):.3g}° kept; blue: least distance to the\n"
@@ -201,14 +190,14 @@ def _draw_directions(axes: Any, result: FeasibleAttitudes) -> None:
     )  # fmt: skip
     axes.set_xticks(range(-180, 181, 60))
     ball = "" if result.ball is None else f", a ball of {np.degrees(result.ball.radius):.3g}°"
-    entitle(
+    style.entitle(
         axes,
         f"{result.arm.name}: the path can be followed from {result.share:.1%} of the attitudes"
         f"{ball}",
     )
 
 
-@draws(LevelReach)
+@style.draws(LevelReach)
 def draw_level(result: LevelReach, ax: Any) -> Any:
     """Draw where the tip can go with a level spacecraft.
 
@@ -218,20 +207,20 @@ def draw_level(result: LevelReach, ax: Any) -> Any:
             figure.
     """
     spatial = result.axis is None
-    axes = axes_for(ax, 6.8, 6.2, spatial=spatial)
+    axes = style.axes_for(ax, 6.8, 6.2, spatial=spatial)
     rows = [i for i in range(3) if i != result.axis]
     ends = (result.tip + result.straight[:, None] * result.direction)[:, rows]
     cells = result.point[1:, rows]
     if spatial:
-        axes.scatter(*ends.T, color=BLUE, s=6, label="straight lines end")
+        axes.scatter(*ends.T, color=style.BLUE, s=6, label="straight lines end")
     else:
-        axes.fill(*ends.T, color=BLUE, alpha=0.35, label="straight lines")
+        axes.fill(*ends.T, color=style.BLUE, alpha=0.35, label="straight lines")
     if len(cells):
-        axes.scatter(*cells.T, color=ORANGE, s=10, marker="s", label="broken lines")
+        axes.scatter(*cells.T, color=style.ORANGE, s=10, marker="s", label="broken lines")
     axes.scatter(*result.tip[rows][:, None], color="black", marker="P", label="start")
-    equal_axes(axes, "".join("xyz"[i] for i in rows))
+    style.equal_axes(axes, "".join("xyz"[i] for i in rows))
     axes.legend(frameon=False, loc="upper right")
-    entitle(
+    style.entitle(
         axes,
         f"{result.arm.name}: the tip, the spacecraft turned by at most "
         f"{np.degrees(result.tilt):.3g}°\nfrom the system CM",
@@ -239,7 +228,7 @@ def draw_level(result: LevelReach, ax: Any) -> Any:
     return axes
 
 
-@draws(LevelEnvelope, size=(10.0, 4.4), panels=lambda whole: whole.subplots(1, 2))
+@style.draws(LevelEnvelope, size=(10.0, 4.4), panels=lambda whole: whole.subplots(1, 2))
 def draw_envelope(result: LevelEnvelope, panels: Any) -> None:
     """Draw reach and turn over the mass of the bus.
 
@@ -249,12 +238,14 @@ def draw_envelope(result: LevelEnvelope, panels: Any) -> None:
     """
     reach, turn = panels
     for j, tilt in enumerate(result.tilt):
-        color = COLOURS[j % len(COLOURS)]
+        color = style.COLOURS[j % len(style.COLOURS)]
         label = f"turned by {np.degrees(tilt):.3g}°"
         reach.plot(result.base_mass, result.mean[:, j], "o-", color=color, label=label)
         reach.plot(result.base_mass, result.least[:, j], ":", color=color)
-    turn.plot(result.base_mass, np.degrees(result.turn), "o-", color=BLUE, label="median")
-    turn.plot(result.base_mass, np.degrees(result.largest_turn), ":", color=BLUE, label="worst")
+    turn.plot(result.base_mass, np.degrees(result.turn), "o-", color=style.BLUE, label="median")
+    turn.plot(
+        result.base_mass, np.degrees(result.largest_turn), ":", color=style.BLUE, label="worst"
+    )
     reach.set(xscale="log", xlabel="mass of the bus [kg]", ylabel="straight lines reach [m]")
     turn.set(
         xscale="log", yscale="log", xlabel="mass of the bus [kg]",
@@ -263,13 +254,15 @@ def draw_envelope(result: LevelEnvelope, panels: Any) -> None:
     for axes in (reach, turn):
         axes.set_xticks(result.base_mass, [f"{mass:g}" for mass in result.base_mass])
         axes.set_xticks([], minor=True)
-    write_powers(turn.yaxis)
+    style.write_powers(turn.yaxis)
     reach.legend(frameon=False)
     turn.legend(frameon=False)
-    entitle(reach, f"{result.arm.name}: mean over directions, dotted the worst")
+    style.entitle(reach, f"{result.arm.name}: mean over directions, dotted the worst")
 
 
-@draws(MomentumBudget, size=(10.0, 4.2), panels=lambda whole: whole.subplots(1, 2, sharey=True))
+@style.draws(
+    MomentumBudget, size=(10.0, 4.2), panels=lambda whole: whole.subplots(1, 2, sharey=True)
+)
 def draw_budget(result: MomentumBudget, panels: Any) -> None:
     """Draw the joints over time while they hold the tip, and while they hold the spacecraft.
 
@@ -286,9 +279,9 @@ def draw_budget(result: MomentumBudget, panels: Any) -> None:
         ),
     ):
         for j, name in enumerate(run.arm.joint_names):
-            color = COLOURS[j % len(COLOURS)]
+            color = style.COLOURS[j % len(style.COLOURS)]
             axes.plot(run.t, run.q[:, j], color=color, label=name)
         axes.set(xlabel="time [s]")
-        entitle(axes, title, fontsize=11)
+        style.entitle(axes, title, fontsize=11)
     panels[0].set_ylabel("joints [rad] or [m]")
     panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from matplotlib.patches import Circle
 
-from spacearm.arrays import Array, finite, shape_of
+from spacearm.arrays import Array, ArrayLike, finite, shape_of
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.separation import CollisionReport
 from spacearm.collisions.solids import corners
@@ -20,22 +19,8 @@ from spacearm.model.arm import Configuration
 from spacearm.motion.flights import Flight
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
+from spacearm.plots import style
 from spacearm.plots.configurations import draw_posture
-from spacearm.plots.style import (
-    BLUE,
-    COLOURS,
-    GREEN,
-    GREY,
-    IN_FRONT,
-    ORANGE,
-    RED,
-    axes_for,
-    draws,
-    entitle,
-    equal_axes,
-    headline,
-    panels_for,
-)
 from spacearm.plots.triangles import draw_solids, draw_target, placed, stand_ins
 from spacearm.plots.workspaces import draw_ring
 from spacearm.results import short_names
@@ -47,12 +32,12 @@ FADES = (0.15, 0.25, 0.35, 0.55)
 FAR = 45.0
 
 
-@draws(Motion)
+@style.draws(Motion)
 def draw_motion(
     motion: Motion,
     ax: Any,
     *,
-    target: npt.ArrayLike | None = None,
+    target: ArrayLike | None = None,
     workspace: Workspace | None = None,
 ) -> Any:
     """Draw a motion: tip path (figure 5), attitude, joints (figure 6), distance from singularities.
@@ -79,27 +64,27 @@ def draw_motion(
         path = left.add_subplot(projection="3d" if spatial else None)
         return [path, *right.subplots(3 + bool(held.size), 1, sharex=True)]
 
-    whole, panels = panels_for(ax, parts, 11.0, 6.4)
+    whole, panels = style.panels_for(ax, parts, 11.0, 6.4)
     path, attitude, joints, *wheels, nearness = panels
     title = f"{motion.arm.name}, {motion.story}{stand_ins(motion.arm)}"
-    headline(None if whole is None else path.figure, panels, title)
+    style.headline(None if whole is None else path.figure, panels, title)
     _draw_path(path, motion, mark, workspace)
     _draw_attitude(attitude, motion)
     for axes in wheels:
         _draw_wheels(axes, motion, held)
     _draw_joints(joints, motion)
-    nearness.plot(motion.t, np.minimum(np.degrees(motion.distance), FAR), color=RED, lw=1.8)
+    nearness.plot(motion.t, np.minimum(np.degrees(motion.distance), FAR), color=style.RED, lw=1.8)
     nearness.set(ylabel="to a singular\nposture found [deg]", xlabel="time [s]", ylim=(0.0, FAR))
     nearness.set_yticks((0.0, 15.0, 30.0, FAR), ("0", "15", "30", f"over {FAR:g}"))
     for axes in (attitude, joints, *wheels, nearness):
         for t in motion.singular_times:
-            axes.axvline(t, color=RED, lw=0.8, ls=":", alpha=0.7)
+            axes.axvline(t, color=style.RED, lw=0.8, ls=":", alpha=0.7)
     if whole is not None:
         whole.align_ylabels()
     return path
 
 
-@draws(Flight, size=(8.6, 8.4), panels=lambda whole: whole.subplots(5, 1, sharex=True))
+@style.draws(Flight, size=(8.6, 8.4), panels=lambda whole: whole.subplots(5, 1, sharex=True))
 def draw_flight(flight: Flight, panels: Any) -> None:
     """Draw the time line of a flight: joint rates, margin, turning, wheels, forces at the tip.
 
@@ -111,30 +96,41 @@ def draw_flight(flight: Flight, panels: Any) -> None:
     t, arm, begins = flight.t, flight.arm, flight.begins
     scale = np.where(arm.slides, 1.0, 180.0 / np.pi)
     for i, name in enumerate(short_names(arm.joint_names)):
-        rates.plot(t, flight.dq[:, i] * scale[i], color=COLOURS[i % len(COLOURS)], label=name)
+        rates.plot(
+            t, flight.dq[:, i] * scale[i], color=style.COLOURS[i % len(style.COLOURS)], label=name
+        )
     rates.set_ylabel(f"joint rates\n[{'deg/s, m/s' if arm.slides.any() else 'deg/s'}]")
-    nearness.plot(t, np.minimum(np.degrees(flight.distance), FAR), color=RED)
+    nearness.plot(t, np.minimum(np.degrees(flight.distance), FAR), color=style.RED)
     nearness.set(ylabel="to a singular\nposture found [deg]", ylim=(0.0, None))
-    turning.plot(t, np.degrees(flight.turning), color=BLUE)
+    turning.plot(t, np.degrees(flight.turning), color=style.BLUE)
     turning.set(ylabel="spacecraft\nturns [deg/s]", ylim=(0.0, None))
     _draw_wheels(wheels, flight, flight.wheels)
     force, moment = np.linalg.norm(flight.tip_wrench.reshape(-1, 2, 3), axis=2).T
-    tip.plot(t, force, color=ORANGE, label="N")
-    tip.plot(t, moment, color=GREEN, label="N m")
+    tip.plot(t, force, color=style.ORANGE, label="N")
+    tip.plot(t, moment, color=style.GREEN, label="N m")
     tip.set(ylabel="force, moment\nat the tip", xlabel="time [s]", ylim=(0.0, None))
     for axes in (rates, tip):
         _legend(axes)
     for axes in panels:
         for begin in begins[1:]:
-            axes.axvline(begin, color=GREY, lw=0.8, ls="--", zorder=0)
+            axes.axvline(begin, color=style.GREY, lw=0.8, ls="--", zorder=0)
     ends = [*begins[1:], t[-1]]
     for number, (begin, end) in enumerate(zip(begins, ends, strict=True)):
-        rates.axvspan(begin, end, ymin=0.94, color=COLOURS[number % len(COLOURS)], alpha=0.35, lw=0)
+        rates.axvspan(
+            begin,
+            end,
+            ymin=0.94,
+            color=style.COLOURS[number % len(style.COLOURS)],
+            alpha=0.35,
+            lw=0,
+        )
     times = zip(flight.names, begins, strict=True)
-    entitle(rates, f"{arm.name}: " + ", ".join(f"{name} from {at:.4g} s" for name, at in times))
+    style.entitle(
+        rates, f"{arm.name}: " + ", ".join(f"{name} from {at:.4g} s" for name, at in times)
+    )
 
 
-def _in_picture(motion: Motion, target: npt.ArrayLike) -> Array:
+def _in_picture(motion: Motion, target: ArrayLike) -> Array:
     """Return the components of a point to draw: 3, or the 2 in the plane of a planar arm."""
     normal, meaning = motion.arm.tree.plane_normal(), "[m]"
     if normal is None:
@@ -164,20 +160,28 @@ def _draw_path(
         if workspace is not None:
             _draw_shells(axes, np.delete(motion[0].com @ along, normal), workspace)
     for i, (name, x) in enumerate(paths.items()):
-        axes.plot(*x.T, color=COLOURS[i % len(COLOURS)], lw=2, label=name, zorder=IN_FRONT)
+        axes.plot(
+            *x.T,
+            color=style.COLOURS[i % len(style.COLOURS)],
+            lw=2,
+            label=name,
+            zorder=style.IN_FRONT,
+        )
     starts, ends = (np.array([x[row] for x in paths.values()]) for row in (0, -1))
     marks: list[tuple[str, Array, str, str]] = [
-        ("start", starts, "o", BLUE),
-        ("end", ends, "s", BLUE),
+        ("start", starts, "o", style.BLUE),
+        ("end", ends, "s", style.BLUE),
     ]
     if len(singular):
         times = f" ({len(singular)} times)" * (len(singular) > 1)
-        marks.append((f"singular{times}", singular, "x", RED))
+        marks.append((f"singular{times}", singular, "x", style.RED))
     if target is not None:
-        marks.append(("target", target[None], "*", GREEN))
+        marks.append(("target", target[None], "*", style.GREEN))
     for label, points, marker, color in marks:
         size = 13 if marker == "*" else 7
-        axes.plot(*points.T, marker, color=color, ms=size, mew=2, label=label, zorder=IN_FRONT)
+        axes.plot(
+            *points.T, marker, color=color, ms=size, mew=2, label=label, zorder=style.IN_FRONT
+        )
     axes.legend(loc="upper right", fontsize=9)
     if normal is None:
         axes.set_aspect("equal", adjustable="datalim")
@@ -213,12 +217,12 @@ def _draw_shells(axes: Any, com: Array, workspace: Workspace) -> None:
     """Draw the path dependent shells and the edge of the reachable workspace."""
     x, y = map(float, com)
     outer = float(workspace.reachable[0, 1])
-    axes.add_patch(Circle((x, y), outer, facecolor="none", edgecolor=GREY, lw=1.2))
+    axes.add_patch(Circle((x, y), outer, facecolor="none", edgecolor=style.GREY, lw=1.2))
     for low, high in workspace.pdw:
-        draw_ring(axes, (x, y), low, high, 0.0, facecolor=ORANGE, alpha=0.3, lw=0)
+        draw_ring(axes, (x, y), low, high, 0.0, facecolor=style.ORANGE, alpha=0.3, lw=0)
     low, high = workspace.pdw[-1] if len(workspace.pdw) else (outer, outer)
     at, look = (x, y - 0.5 * (low + high)), {"ha": "center", "va": "center", "fontsize": 9}
-    axes.text(*at, "path dependent", color=GREY, **look)
+    axes.text(*at, "path dependent", color=style.GREY, **look)
     axes.plot(x, y, "P", color="black", ms=7)
 
 
@@ -228,12 +232,12 @@ def _draw_attitude(axes: Any, motion: Motion) -> None:
     turns = np.degrees([pin.log3(R) for R in rotations])
     normal = motion.arm.tree.plane_normal()
     if normal is None:
-        for i, color in enumerate((BLUE, ORANGE, GREEN)):
+        for i, color in enumerate((style.BLUE, style.ORANGE, style.GREEN)):
             axes.plot(motion.t, turns[:, i], color=color, lw=1.8, label="xyz"[i])
         _legend(axes)
         axes.set_ylabel("rotation\nvector [deg]")
     else:
-        axes.plot(motion.t, np.unwrap(turns[:, normal], period=360.0), color=BLUE, lw=1.8)
+        axes.plot(motion.t, np.unwrap(turns[:, normal], period=360.0), color=style.BLUE, lw=1.8)
         axes.set_ylabel("attitude\n[deg]")
 
 
@@ -241,7 +245,9 @@ def _draw_joints(axes: Any, motion: Motion) -> None:
     arm = motion.arm
     q = motion.q * np.where(arm.slides, 100.0, 180.0 / np.pi)
     for i, name in enumerate(short_names(arm.joint_names)):
-        axes.plot(motion.t, q[:, i], color=COLOURS[i % len(COLOURS)], lw=1.5, label=name)
+        axes.plot(
+            motion.t, q[:, i], color=style.COLOURS[i % len(style.COLOURS)], lw=1.5, label=name
+        )
     _legend(axes)
     unit = "cm" if arm.slides.all() else "deg" if not arm.slides.any() else "deg, cm"
     axes.set_ylabel(f"joints\n[{unit}]")
@@ -250,12 +256,14 @@ def _draw_joints(axes: Any, motion: Motion) -> None:
 def _draw_wheels(axes: Any, motion: Motion, held: Array) -> None:
     names = tuple(wheel.name for wheel in motion.arm.wheels)
     for i, name in enumerate(short_names(names)):
-        axes.plot(motion.t, held[:, i], color=COLOURS[i % len(COLOURS)], lw=1.5, label=name)
+        axes.plot(
+            motion.t, held[:, i], color=style.COLOURS[i % len(style.COLOURS)], lw=1.5, label=name
+        )
     axes.set_ylabel("wheels\n[N m s]")
     if names:
         _legend(axes)
     else:
-        axes.text(0.5, 0.5, "no wheels", transform=axes.transAxes, ha="center", color=GREY)
+        axes.text(0.5, 0.5, "no wheels", transform=axes.transAxes, ha="center", color=style.GREY)
 
 
 def _legend(axes: Any) -> None:
@@ -296,10 +304,12 @@ def draw_obstacles(
 def _solids_of(obstacle: Obstacle, t: float, along: Array) -> list[tuple[Array, str]]:
     """Return the triangles of each part of an obstacle at a time, along axes, and its colour."""
     placing = zip(obstacle.parts, obstacle.poses(t), strict=True)
-    return [(placed(faces(corners(part.solid)), pose) @ along, GREY) for part, pose in placing]
+    return [
+        (placed(faces(corners(part.solid)), pose) @ along, style.GREY) for part, pose in placing
+    ]
 
 
-@draws(Target, Obstacle)
+@style.draws(Target, Obstacle)
 def draw_alone(thing: Target | Obstacle, ax: Any) -> Any:
     """Draw a target or an obstacle where it is at time 0, in inertial axes.
 
@@ -307,17 +317,17 @@ def draw_alone(thing: Target | Obstacle, ax: Any) -> Any:
         thing: The target or the obstacle.
         ax: Three-dimensional Matplotlib axes to draw into; None for a new figure.
     """
-    axes = axes_for(ax, 6.4, 5.6, spatial=True)
+    axes = style.axes_for(ax, 6.4, 5.6, spatial=True)
     if isinstance(thing, Target):
         draw_target(axes, thing, (0, 1, 2))
     else:
         draw_solids(axes, _solids_of(thing, 0.0, np.eye(3)), (0, 1, 2), 1.0)
-    equal_axes(axes)
-    entitle(axes, f"{thing.name} at 0 s")
+    style.equal_axes(axes)
+    style.entitle(axes, f"{thing.name} at 0 s")
     return axes
 
 
-@draws(CollisionReport, size=(7.0, 4.0))
+@style.draws(CollisionReport, size=(7.0, 4.0))
 def draw_collision_report(result: CollisionReport, axes: Any) -> None:
     """Draw the least distance between bodies, less the margins of obstacles: over time, if any.
 
@@ -327,16 +337,16 @@ def draw_collision_report(result: CollisionReport, axes: Any) -> None:
     """
     label = "least distance, less margins [m]"
     if len(result.t) == 1:
-        axes.barh([0], result.distance, height=0.5, color=BLUE)
+        axes.barh([0], result.distance, height=0.5, color=style.BLUE)
         axes.bar_label(axes.containers[0], fmt="{:.3g} m", padding=4)
-        axes.axvline(0.0, color=RED, lw=1.2)
+        axes.axvline(0.0, color=style.RED, lw=1.2)
         axes.set(xlabel=label, yticks=[0], yticklabels=["posture"], ylim=(-1.0, 1.0))
         axes.margins(x=0.15)
     else:
-        axes.plot(result.t, result.distance, color=BLUE, lw=1.8)
-        axes.axhline(0.0, color=RED, lw=1.2)
+        axes.plot(result.t, result.distance, color=style.BLUE, lw=1.8)
+        axes.axhline(0.0, color=style.RED, lw=1.2)
         axes.set(xlabel="time [s]", ylabel=label)
     a, b = result.nearest
     left = f" ({len(result.unchecked)} links NOT checked)" * bool(result.unchecked)
     verdict = f"apart, proven{left}" if result.apart else "bodies meet"
-    entitle(axes, f"{verdict}; nearest:\n{a}, {b}")
+    style.entitle(axes, f"{verdict}; nearest:\n{a}, {b}")

@@ -15,10 +15,9 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from spacearm.arrays import Array, Progress
+from spacearm.arrays import Array, ArrayLike, Progress
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.files import writable, write
 from spacearm.mechanics.batch import evaluate
@@ -137,7 +136,7 @@ def design_report(
     arm: SpaceArm,
     path: str | os.PathLike[str],
     *,
-    q0: npt.ArrayLike | None = None,
+    q0: ArrayLike | None = None,
     words: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Path:

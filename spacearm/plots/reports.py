@@ -11,18 +11,8 @@ from matplotlib.colors import SymLogNorm
 from spacearm.arrays import Array
 from spacearm.mechanics.dynamics import Capture, Dynamics
 from spacearm.mechanics.jacobian import MomentumMatrix, PrescribedMotion
+from spacearm.plots import style
 from spacearm.plots.configurations import draw_posture, in_plane
-from spacearm.plots.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    RED,
-    axes_for,
-    draws,
-    entitle,
-    headline,
-    panels_for,
-)
 from spacearm.plots.triangles import stand_ins
 from spacearm.results import short_names
 from spacearm.singularities.report import IN_WORDS, SingularityReport
@@ -35,7 +25,7 @@ ROUNDING = 1e-14
 DECADES = 1e-3
 
 
-@draws(SingularityReport)
+@style.draws(SingularityReport)
 def draw_report(result: SingularityReport, ax: Any) -> Any:
     """Draw the posture, the singular values, and the direction of the tip that belongs to each.
 
@@ -56,25 +46,25 @@ def draw_report(result: SingularityReport, ax: Any) -> Any:
         values = whole.add_subplot(grid[0, 1])
         return [posture, values, whole.add_subplot(grid[1, 1], sharex=values)]
 
-    whole, (posture, values, directions) = panels_for(ax, parts, max(11.0, 1.6 * k), 5.4)
+    whole, (posture, values, directions) = style.panels_for(ax, parts, max(11.0, 1.6 * k), 5.4)
     draw_posture(posture, cfg)
     _draw_lost(posture, result)
-    entitle(posture, f"{arm.name}, {result.mode}\n{result.verdict}{stand_ins(arm)}")
-    color = [GREEN] * result.rank + [RED] * (k - result.rank)
+    style.entitle(posture, f"{arm.name}, {result.mode}\n{result.verdict}{stand_ins(arm)}")
+    color = [style.GREEN] * result.rank + [style.RED] * (k - result.rank)
     bars = values.bar(range(k), result.sigma, color=color)
     values.bar_label(bars, fmt="{:.3g}", fontsize=9)
     values.set(xticks=range(k), xticklabels=columns, ylabel=f"[{arm.sigma_unit}]")
     values.margins(y=0.15)
-    entitle(values, "Singular values")
+    style.entitle(values, "Singular values")
     both = np.hstack((result.available, result.lost))
     _draw_matrix(directions, both, arm.task.rows, columns)
-    entitle(directions, "Directions in the rows of the task")
+    style.entitle(directions, "Directions in the rows of the task")
     if whole is not None:
-        whole.supxlabel(IN_WORDS, fontsize=9, color=GREY)
+        whole.supxlabel(IN_WORDS, fontsize=9, color=style.GREY)
     return posture
 
 
-@draws(Capture)
+@style.draws(Capture)
 def draw_capture(result: Capture, ax: Any) -> Any:
     """Draw arm and target at the grasp, and joint rates and the spacecraft's twist just after it.
 
@@ -93,7 +83,7 @@ def draw_capture(result: Capture, ax: Any) -> Any:
         grid = right.add_gridspec(2, 2)
         return [posture, *(right.add_subplot(grid[at]) for at in ((0, slice(2)), (1, 0), (1, 1)))]
 
-    whole, panels = panels_for(ax, parts, 11.0, 5.4)
+    whole, panels = style.panels_for(ax, parts, 11.0, 5.4)
     posture, rates, linear, angular = panels
     draw_posture(posture, cfg)
     unit = "m/s" if arm.slides.all() else "rad/s, m/s" if arm.slides.any() else "rad/s"
@@ -101,11 +91,11 @@ def draw_capture(result: Capture, ax: Any) -> Any:
     _bars(linear, "xyz", result.twist[:3], "[m/s]", "Spacecraft, linear")
     _bars(angular, "xyz", result.twist[3:], "[rad/s]", "Spacecraft, angular")
     title = f"{arm.name} after the capture: {result.energy_lost:.4g} J lost{stand_ins(arm)}"
-    headline(whole, panels, title)
+    style.headline(whole, panels, title)
     return posture
 
 
-@draws(Dynamics, size=(10.0, 6.0), panels=lambda whole: whole.subplots(2, 2).ravel())
+@style.draws(Dynamics, size=(10.0, 6.0), panels=lambda whole: whole.subplots(2, 2).ravel())
 def draw_dynamics(result: Dynamics, panels: Any) -> None:
     """Draw joint torques and accelerations, the spacecraft's acceleration and the reaction.
 
@@ -121,7 +111,7 @@ def draw_dynamics(result: Dynamics, panels: Any) -> None:
     _bars(reaction, ROWS, result.reaction, "[N], [N m]", "Reaction on a held spacecraft")
 
 
-@draws(MomentumMatrix)
+@style.draws(MomentumMatrix)
 def draw_momentum_matrix(result: MomentumMatrix, ax: Any) -> Any:
     """Draw A_b and A_q side by side as one matrix.
 
@@ -142,7 +132,7 @@ def draw_momentum_matrix(result: MomentumMatrix, ax: Any) -> Any:
     return axes
 
 
-@draws(PrescribedMotion)
+@style.draws(PrescribedMotion)
 def draw_prescribed_motion(result: PrescribedMotion, ax: Any) -> Any:
     """Draw the Jacobian of the free joints, and the drift that the prescribed ones cause.
 
@@ -157,7 +147,7 @@ def draw_prescribed_motion(result: PrescribedMotion, ax: Any) -> Any:
     return axes
 
 
-@draws(ErrorBars)
+@style.draws(ErrorBars)
 def draw_error_bars(result: ErrorBars, ax: Any) -> Any:
     """Draw the bounds for the rounding errors of the entries of J*.
 
@@ -184,7 +174,7 @@ def _draw_lost(axes: Any, result: SingularityReport) -> None:
     size = 0.25 * float(np.linalg.norm(tip - cfg.com))
     for lost in result.lost.T:
         span = size * (along @ lost[linear])
-        axes.plot(*np.array([tip - span, tip + span])[:, rows].T, color=RED, lw=3)
+        axes.plot(*np.array([tip - span, tip + span])[:, rows].T, color=style.RED, lw=3)
 
 
 def _twist_rows(count: int) -> list[str]:
@@ -194,8 +184,8 @@ def _twist_rows(count: int) -> list[str]:
 
 
 def _bars(axes: Any, names: Any, values: Array, unit: str, title: str) -> None:
-    axes.bar(range(len(values)), values, color=BLUE)
-    axes.axhline(0.0, color=GREY, lw=0.8)
+    axes.bar(range(len(values)), values, color=style.BLUE)
+    axes.axhline(0.0, color=style.GREY, lw=0.8)
     axes.set(ylabel=unit)
     slanted = sum(map(len, names)) > 40
     axes.set_xticks(
@@ -203,14 +193,14 @@ def _bars(axes: Any, names: Any, values: Array, unit: str, title: str) -> None:
         ha="right" if slanted else "center",
     )  # fmt: skip
     axes.ticklabel_format(axis="y", scilimits=(-3, 4))
-    entitle(axes, title)
+    style.entitle(axes, title)
 
 
 def _matrix(values: Array, rows: Sequence[str], columns: Sequence[str], title: str, ax: Any) -> Any:
     """Draw a labelled matrix alone."""
-    axes = axes_for(ax, 2.0 + 0.72 * len(columns), 1.6 + 0.42 * len(rows))
+    axes = style.axes_for(ax, 2.0 + 0.72 * len(columns), 1.6 + 0.42 * len(rows))
     _draw_matrix(axes, values, rows, columns)
-    entitle(axes, title)
+    style.entitle(axes, title)
     return axes
 
 

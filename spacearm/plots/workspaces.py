@@ -10,25 +10,14 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
 from spacearm.mechanics.batch import tips_from_centre
-from spacearm.plots.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    RED,
-    annotate,
-    axes_for,
-    draws,
-    entitle,
-    panels_for,
-)
+from spacearm.plots import style
 from spacearm.singularities.risk import PoseRisk, RiskProfile, nearness
 from spacearm.uncertainty.identification import NAMES, Identified
 from spacearm.uncertainty.robust import DistanceRange, ShellBands
 from spacearm.workspaces.path_dependent import Workspace
 
 
-@draws(Workspace)
+@style.draws(Workspace)
 def draw_workspace(
     result: Workspace,
     ax: Any,
@@ -49,24 +38,24 @@ def draw_workspace(
         ConfigurationError: `ax` is of the wrong kind.
     """
     if result.planar:
-        axes = axes_for(ax, 7.2, 6.4)
+        axes = style.axes_for(ax, 7.2, 6.4)
         _draw_rings(axes, result, path)
         return axes
     if profile is None:
-        axes = axes_for(ax, 6.4, 5.4, spatial=True)
+        axes = style.axes_for(ax, 6.4, 5.4, spatial=True)
         _draw_cut_away(axes, result)
         return axes
 
     def parts(whole: Any) -> list[Any]:
         return [whole.add_subplot(1, 2, 1, projection="3d"), whole.add_subplot(1, 2, 2)]
 
-    _, (space, beside) = panels_for(ax, parts, 11.0, 5.4)
+    _, (space, beside) = style.panels_for(ax, parts, 11.0, 5.4)
     _draw_cut_away(space, result)
     draw_profile(profile, beside)
     return space
 
 
-@draws(RiskProfile, size=(7.2, 4.4))
+@style.draws(RiskProfile, size=(7.2, 4.4))
 def draw_profile(result: RiskProfile, axes: Any) -> None:
     """Draw the share of configurations near a singularity over the distance from the CM.
 
@@ -75,17 +64,19 @@ def draw_profile(result: RiskProfile, axes: Any) -> None:
         axes: Where it is drawn.
     """
     share, error = 100.0 * result.share, 100.0 * result.error
-    axes.fill_between(result.radius, share - 2 * error, share + 2 * error, color=RED, alpha=0.25)
-    axes.plot(result.radius, share, color=RED, lw=2)
+    axes.fill_between(
+        result.radius, share - 2 * error, share + 2 * error, color=style.RED, alpha=0.25
+    )
+    axes.plot(result.radius, share, color=style.RED, lw=2)
     axes.set(
         xlabel="distance of the tip from the system CM [m]",
         ylabel="configurations near a singularity [%]",
         ylim=(0.0, None),
     )
-    entitle(axes, f"postures {nearness(result)}")
+    style.entitle(axes, f"postures {nearness(result)}")
 
 
-@draws(PoseRisk, size=(7.2, 4.4))
+@style.draws(PoseRisk, size=(7.2, 4.4))
 def draw_pose_risk(result: PoseRisk, axes: Any) -> None:
     """Draw the share of near-singular configurations of each pose over its distance from the CM.
 
@@ -95,21 +86,24 @@ def draw_pose_risk(result: PoseRisk, axes: Any) -> None:
     """
     mean = float(result.share.mean())
     axes.plot(
-        np.linalg.norm(result.centre, axis=1), 100.0 * result.share, "o", color=RED, alpha=0.6
+        np.linalg.norm(result.centre, axis=1), 100.0 * result.share, "o", color=style.RED, alpha=0.6
     )
-    axes.axhline(100.0 * mean, color=GREY, lw=1, ls=":")
+    axes.axhline(100.0 * mean, color=style.GREY, lw=1, ls=":")
     axes.set(
         xlabel="distance of the tip from the system CM [m]",
         ylabel="configurations near a singularity [%]",
         ylim=(0.0, None),
     )
-    entitle(axes, f"{len(result.share)} tip poses, {nearness(result)}\nmean {mean:.1%}")
+    style.entitle(axes, f"{len(result.share)} tip poses, {nearness(result)}\nmean {mean:.1%}")
 
 
 def _draw_rings(axes: Any, result: Workspace, path: Array | None) -> None:
     outer = float(result.reachable[0, 1])
-    axes.add_patch(Circle((0, 0), outer, facecolor="none", edgecolor=GREY, lw=1.5))
-    regions = (("path independent", result.piw, GREEN), ("path dependent", result.pdw, ORANGE))
+    axes.add_patch(Circle((0, 0), outer, facecolor="none", edgecolor=style.GREY, lw=1.5))
+    regions = (
+        ("path independent", result.piw, style.GREEN),
+        ("path dependent", result.pdw, style.ORANGE),
+    )
     for label, radii, color in regions:
         for low, high in radii:
             draw_ring(axes, (0.0, 0.0), low, high, 1e-3 * outer, facecolor=color, alpha=0.45)
@@ -123,16 +117,16 @@ def _draw_rings(axes: Any, result: Workspace, path: Array | None) -> None:
         towards = np.array([np.cos(angle), np.sin(angle)])
         axes.annotate(
             f"{R:.4g}", R * towards, 1.15 * outer * towards, va="center", ha="center",
-            arrowprops={"arrowstyle": "-", "color": GREY, "lw": 0.8},
+            arrowprops={"arrowstyle": "-", "color": style.GREY, "lw": 0.8},
         )  # fmt: skip
     if path is not None:
         rows = [i for i in range(3) if i != result.arm.tree.plane_normal()]
         x, y = path.T if path.shape[1] == 2 else path[:, rows].T
-        axes.plot(x, y, color=BLUE, lw=2)
-        axes.plot(x[0], y[0], "o", color=BLUE)
-        annotate(axes, "tip path", np.array([x[0], y[0]]), BLUE)
+        axes.plot(x, y, color=style.BLUE, lw=2)
+        axes.plot(x[0], y[0], "o", color=style.BLUE)
+        style.annotate(axes, "tip path", np.array([x[0], y[0]]), style.BLUE)
     _about_cm(axes, 1.3 * outer)
-    entitle(axes, _title(result))
+    style.entitle(axes, _title(result))
 
 
 def draw_ring(
@@ -164,17 +158,19 @@ def _draw_cut_away(axes: Any, result: Workspace) -> None:
         np.outer(np.sin(polar), np.sin(around)),
         np.outer(np.cos(polar), np.ones_like(around)),
     ))  # fmt: skip
-    color = ORANGE if len(result.pdw) and result.pdw[-1, 1] >= outer - 1e-9 else GREEN
+    color = style.ORANGE if len(result.pdw) and result.pdw[-1, 1] >= outer - 1e-9 else style.GREEN
     axes.plot_surface(*(outer * sphere), color=color, alpha=0.25, linewidth=0)
     for i, curve in enumerate(result.proof):
         x, y, z = tips_from_centre(result.arm, curve, result.mode).T
         out = np.hypot(x, y)  # turned about z, to a cut face
         label = "tip on singular curves" if i == 0 else None
-        axes.plot(out, np.full_like(z, -0.01 * outer), z, color=BLUE, lw=1.8, zorder=9, label=label)
+        axes.plot(
+            out, np.full_like(z, -0.01 * outer), z, color=style.BLUE, lw=1.8, zorder=9, label=label
+        )
     if result.proof:
         axes.legend(loc="upper left")
     for label, radii, color in (
-        ("path independent", result.piw, GREEN), ("path dependent", result.pdw, ORANGE)
+        ("path independent", result.piw, style.GREEN), ("path dependent", result.pdw, style.ORANGE)
     ):  # fmt: skip
         for low, high in radii:
             arc = np.stack((np.sin(polar), np.cos(polar)))
@@ -188,7 +184,7 @@ def _draw_cut_away(axes: Any, result: Workspace) -> None:
     axes.set(xlim=span, ylim=span, zlim=span, xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     axes.set_box_aspect((1, 1, 1))
     axes.view_init(elev=22, azim=-45)
-    entitle(axes, _title(result))
+    style.entitle(axes, _title(result))
 
 
 def _title(result: Workspace) -> str:
@@ -196,7 +192,7 @@ def _title(result: Workspace) -> str:
     return f"{result.arm.name}, {result.mode}: {share} ({result.kind})"
 
 
-@draws(DistanceRange, size=(7.2, 4.2))
+@style.draws(DistanceRange, size=(7.2, 4.2))
 def draw_distance_range(result: DistanceRange, axes: Any) -> None:
     """Draw how the distances of all arms tried are spread.
 
@@ -204,15 +200,15 @@ def draw_distance_range(result: DistanceRange, axes: Any) -> None:
         result: The range.
         axes: Where it is drawn.
     """
-    axes.hist(np.degrees(result.distances), bins=30, color=BLUE, alpha=0.6)
-    axes.axvline(np.degrees(result.nominal), color=RED, label="as described")
+    axes.hist(np.degrees(result.distances), bins=30, color=style.BLUE, alpha=0.6)
+    axes.axvline(np.degrees(result.nominal), color=style.RED, label="as described")
     axes.set(xlabel="distance of the singular posture found [°]", ylabel="arms")
     axes.legend(frameon=False)
     low, high = np.degrees((result.low, result.high))
-    entitle(axes, f"{result.tried} arms: {low:.4g}° to {high:.4g}°")
+    style.entitle(axes, f"{result.tried} arms: {low:.4g}° to {high:.4g}°")
 
 
-@draws(ShellBands, size=(6.6, 6.2))
+@style.draws(ShellBands, size=(6.6, 6.2))
 def draw_shell_bands(result: ShellBands, axes: Any) -> None:
     """Draw where the workspace is path dependent for all arms tried, and for some.
 
@@ -222,18 +218,18 @@ def draw_shell_bands(result: ShellBands, axes: Any) -> None:
     """
     outer = float(result.sometimes.max(initial=0.0)) or 1.0
     for ranges, color, label in (
-        (result.sometimes, GREY, "path dependent for some"),
-        (result.always, ORANGE, "path dependent for all"),
+        (result.sometimes, style.GREY, "path dependent for some"),
+        (result.always, style.ORANGE, "path dependent for all"),
     ):
         for i, (low, high) in enumerate(ranges):
             look = {"facecolor": color, "alpha": 0.55, "label": label if i == 0 else None}
             draw_ring(axes, (0.0, 0.0), low, high, 1e-3 * outer, **look)
     _about_cm(axes, 1.25 * outer)
     axes.legend(frameon=False, loc="upper right")
-    entitle(axes, f"{result.tried} arms")
+    style.entitle(axes, f"{result.tried} arms")
 
 
-@draws(Identified, size=(6.4, 3.6))
+@style.draws(Identified, size=(6.4, 3.6))
 def draw_identified(result: Identified, axes: Any) -> None:
     """Draw the ten parameters with two standard deviations, over mass and radius of gyration.
 
@@ -244,13 +240,16 @@ def draw_identified(result: Identified, axes: Any) -> None:
     size = result.sizes
     deviations = np.sqrt(result.covariance.diagonal()) / size
     moved = np.abs(result.unexcited).max(axis=0, initial=0.0) > 0.01
-    for these, color, what in ((~moved, BLUE, "identified"), (moved, RED, "not excited")):
+    for these, color, what in (
+        (~moved, style.BLUE, "identified"),
+        (moved, style.RED, "not excited"),
+    ):
         rows = np.flatnonzero(these)
         if len(rows):
             axes.errorbar(rows, (result.parameters / size)[rows], 2.0 * deviations[rows], fmt="o",
                           color=color, capsize=4.0, label=what)  # fmt: skip
-    axes.axhline(0.0, color=GREY, lw=0.8, zorder=0)
+    axes.axhline(0.0, color=style.GREY, lw=0.8, zorder=0)
     axes.set_xticks(range(len(NAMES)), NAMES)
     axes.set(ylabel="over powers of mass and\nradius of gyration about the tip")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    entitle(axes, f"held by {result.arm.name}: {result.mass:.4g} kg")
+    style.entitle(axes, f"held by {result.arm.name}: {result.mass:.4g} kg")

@@ -19,9 +19,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.trig import EPS
 from spacearm.results import Cell, Description, Measure, Result, Table
@@ -65,7 +64,7 @@ class Restriction(NamedTuple):
         noise = lebesgue * f.noise(largest) + (INTERPOLATED + 4.0 * N * EPS) * f.scale
         return cls(series, noise)
 
-    def __call__(self, number: npt.NDArray[np.intp], x: Array) -> Array:
+    def __call__(self, number: Integers, x: Array) -> Array:
         """Compute values at x (m,) on the segments of these numbers, (m,), by Clenshaw's rule."""
         c = self.series[number].T
         b1, b2 = np.zeros((2, len(x)))
@@ -273,7 +272,7 @@ class _Path:
         right = np.concatenate((within, segments.right[:, :, None]), axis=2)
         return _Intervals(low, high, left, right.reshape(len(left), -1))
 
-    def segment(self, s: Any) -> npt.NDArray[np.intp]:
+    def segment(self, s: Any) -> Integers:
         """Return the numbers of the segments that hold positions (m,)."""
         return np.minimum(np.asarray(s).astype(np.intp), len(self.step) - 1)
 
@@ -282,7 +281,7 @@ class _Path:
         i = self.segment(s)
         return np.asarray(self.path[i] + np.asarray(s - i)[..., None] * self.step[i])
 
-    def restrict(self, segments: npt.NDArray[np.intp]) -> None:
+    def restrict(self, segments: Integers) -> None:
         """Evaluate by series from now on, along these segments, where they are short enough."""
         start, step = self.path[segments], self.step[segments]
         lines = [Restriction.of(S, start, step) for S in self.polynomials]

@@ -32,9 +32,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Booleans, Integers
 from spacearm.polynomial.jets import Jets, stacked
-from spacearm.polynomial.tubes import ROUNDING, Booleans, Indices, Tubes
+from spacearm.polynomial.tubes import ROUNDING, Tubes
 
 #: Boxes that are tried at a time at most and at least, and in how many times a budget is spent: the
 #: fewer at a time, the more of those that are nearest.
@@ -280,7 +280,7 @@ def prove(
     return Proof(tubes.radius, centre, tried)
 
 
-def _inside(tubes: Tubes, centre: Array, half: Array, of: Indices) -> Expansion:
+def _inside(tubes: Tubes, centre: Array, half: Array, of: Integers) -> Expansion:
     """Expand u in boxes (m, n)."""
     value, slope, bend, noise = tubes.form(centre, half, of)
     return Expansion(

@@ -15,9 +15,8 @@ from itertools import permutations
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Booleans
 from spacearm.polynomial.trig import TrigPolynomial, derivative_bounds
 from spacearm.polynomial.univariate import orders
 
@@ -37,7 +36,7 @@ class Chart:
         half: (n,) half of that range [m]; 1 of others.
     """
 
-    slides: npt.NDArray[np.bool_]
+    slides: Booleans
     centre: Array
     half: Array
 

@@ -19,9 +19,8 @@ from itertools import combinations, permutations, product
 from typing import NamedTuple, cast
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Booleans, Integers
 from spacearm.polynomial.newton import iterate, onto, polish
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.univariate import wrap
@@ -46,7 +45,7 @@ class Mesh(NamedTuple):
     """
 
     vertices: Array
-    triangles: npt.NDArray[np.int_]
+    triangles: Integers
 
 
 def lines(S: TrigPolynomial, resolution: float = 0.0) -> list[Array]:
@@ -72,7 +71,7 @@ def surface(S: TrigPolynomial, resolution: float = 0.0) -> Mesh:
     return Mesh(wrap(polish(S, OFFSET + found * step)), triangles)
 
 
-def connected(points: Array, edges: npt.NDArray[np.int_]) -> list[Array]:
+def connected(points: Array, edges: Integers) -> list[Array]:
     """Return the connected pieces of points (m, n), of which pairs (e, 2) are neighbours."""
     from scipy.sparse import csr_array  # slow to import
     from scipy.sparse.csgraph import connected_components
@@ -83,7 +82,7 @@ def connected(points: Array, edges: npt.NDArray[np.int_]) -> list[Array]:
     return [points[labels == label] for label in np.unique(labels)]
 
 
-def _isosurface(values: Array) -> tuple[Array, npt.NDArray[np.int_]]:
+def _isosurface(values: Array) -> tuple[Array, Integers]:
     """Triangulate where a function on a grid without ends is zero.
 
     Each cell is divided into six tetrahedra about one diagonal, and the function taken as linear in
@@ -225,9 +224,6 @@ def _gap(a: Array, b: Array) -> float:
     return float(np.abs(wrap(a - b)).max())
 
 
-Booleans = npt.NDArray[np.bool_]
-
-
 def curves(
     polynomials: Sequence[TrigPolynomial],
     counts: Callable[[Array], Booleans],
@@ -263,7 +259,7 @@ def curves(
     return [np.unwrap(points[chain], axis=0) for chain in _chains(links)]
 
 
-def _chains(links: npt.NDArray[np.intp]) -> list[list[int]]:
+def _chains(links: Integers) -> list[list[int]]:
     """Join pairs of numbers to chains; a closed one ends where it begins."""
     neighbours: dict[int, list[int]] = {}
     for a, b in links.tolist():

@@ -30,9 +30,8 @@ from itertools import permutations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import NO_NUMBERS, Array, plain
+from spacearm.arrays import NO_NUMBERS, Array, ArrayLike, Integers, plain
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.polynomial.contraction import Index, T, contract, over_blocks, to_complex, to_real
 from spacearm.polynomial.univariate import Complex, Roots, distinct, line_roots, orders, real_roots
@@ -40,7 +39,6 @@ from spacearm.results import Cell, Described, Description, Measure, Table
 from spacearm.signatures import checked
 
 Sampler = Callable[[Array], Array]
-Integers = npt.NDArray[np.int_]
 
 #: Largest number of samples of a fit, to bound its memory.
 MOST_SAMPLES = 10_000_000
@@ -212,13 +210,13 @@ class TrigPolynomial(Described):
             for f, wanted in zip(fitted, sampler(Q).T, strict=True)
         ]
 
-    def __call__(self, Q: npt.ArrayLike) -> Any:
+    def __call__(self, Q: ArrayLike) -> Any:
         """Evaluate at (n,) or (m, n) angles: a float or (m,)."""
         points = self._angles(Q)
         values = self._along(np.atleast_2d(points), ())
         return float(values[0]) if points.ndim == 1 else values
 
-    def _angles(self, Q: npt.ArrayLike) -> Array:
+    def _angles(self, Q: ArrayLike) -> Array:
         """Return angles (n,) or (m, n), checked."""
         try:
             points = np.asarray(Q, dtype=np.float64)
@@ -337,7 +335,7 @@ class TrigPolynomial(Described):
             for j, d in enumerate(self.degrees)
         )
 
-    def gradient(self, Q: npt.ArrayLike) -> Array:
+    def gradient(self, Q: ArrayLike) -> Array:
         """Compute the gradient at (n,) or (m, n) angles, of the same shape."""
         points = self._angles(Q)
         slopes = self._along(np.atleast_2d(points), (self.n,), of=self._slopes)
@@ -348,7 +346,7 @@ class TrigPolynomial(Described):
         """(2 d_1 + 1, ..., 2 d_n + 1, n) the derivatives in real waves."""
         return np.stack([f.real for f in self.derivatives], axis=-1)
 
-    def hessian(self, Q: npt.ArrayLike) -> Array:
+    def hessian(self, Q: ArrayLike) -> Array:
         """Compute the second derivatives (n, n) or (m, n, n)."""
         return np.stack([f.gradient(Q) for f in self.derivatives], axis=-1)
 
@@ -358,7 +356,7 @@ class TrigPolynomial(Described):
         shape[j] = -1
         return orders(self.degrees[j]).reshape(shape)
 
-    def roots(self, q: npt.ArrayLike, j: int) -> Roots:
+    def roots(self, q: ArrayLike, j: int) -> Roots:
         """Find all real roots along angle j, the others as in q (n,).
 
         Raises:
@@ -419,7 +417,7 @@ class TrigPolynomial(Described):
         change = np.minimum(first + second, half @ self.lipschitz)
         return self(centre), change + self.noise(np.abs(centre).max(initial=0.0))
 
-    def sign(self, centre: Array, half: Array) -> npt.NDArray[np.int_]:
+    def sign(self, centre: Array, half: Array) -> Integers:
         """Certify signs over boxes, as of `enclosure`: +1 or -1 where no root can be, else 0.
 
         Args:

@@ -13,13 +13,9 @@ from itertools import pairwise
 from math import factorial
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import BPoly, PPoly
 
-from spacearm.arrays import Array
-
-Booleans = npt.NDArray[np.bool_]
-Indices = npt.NDArray[np.int_]
+from spacearm.arrays import Array, Booleans, Integers
 
 #: Share of a distance that bounds its rounding.
 ROUNDING = 1e-9
@@ -139,7 +135,7 @@ class Tubes:
         end, wide = self.start + self.step, (self.radius + self.slack)[:, None]
         return np.minimum(self.start, end) - wide, np.maximum(self.start, end) + wide
 
-    def distances(self, centre: Array, half: Array, of: Indices) -> Array:
+    def distances(self, centre: Array, half: Array, of: Integers) -> Array:
         """Return how far boxes (m, n) are from the chords of tubes `of` (m,), rounded down."""
         step, off = self.step[of], centre - self.start[of]
 
@@ -159,7 +155,7 @@ class Tubes:
         )
         return np.sqrt(np.maximum(least, 0.0)) * (1.0 - ROUNDING)
 
-    def form(self, centre: Array, half: Array, of: Indices) -> tuple[Array, Array, Array, Array]:
+    def form(self, centre: Array, half: Array, of: Integers) -> tuple[Array, Array, Array, Array]:
         """Expand u, which is not positive in a tube, at the centres of boxes (m, n).
 
         u is the square of the distance less that of the radius: from the nearer end where the box

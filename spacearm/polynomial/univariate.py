@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, named
+from spacearm.arrays import Array, Integers, named
 from spacearm.compiler import numbers
 
 #: Multiple roots split off the unit circle by a root of rounding, less than this; the value of f
@@ -160,7 +160,7 @@ class Roots(NamedTuple):
     """
 
     angles: Array
-    multiplicity: npt.NDArray[np.int_]
+    multiplicity: Integers
     everywhere: bool
 
     def to_dict(self) -> dict[str, Any]:
@@ -173,7 +173,7 @@ def orders(degree: int) -> Array:
     return np.arange(-degree, degree + 1).astype(np.float64)
 
 
-def distinct(angles: Array) -> tuple[Array, npt.NDArray[np.int_]]:
+def distinct(angles: Array) -> tuple[Array, Integers]:
     """Return distinct angles, in growing order, with multiplicities; NaN is left out."""
     angles = np.sort(angles[~np.isnan(angles)])
     if not len(angles):

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array, positive
+from spacearm.arrays import Array, ArrayLike, positive
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.model.arm import Configuration
@@ -49,7 +48,7 @@ class ServoControl(Law):
     """
 
     servo: Servo
-    twist: npt.ArrayLike | Callable[[float, Configuration], npt.ArrayLike]
+    twist: ArrayLike | Callable[[float, Configuration], ArrayLike]
     period: float = 0.01
     gain: float = 20.0
     _taken: deque[tuple[bytes, ServoStep]] = field(default_factory=deque, repr=False, compare=False)

@@ -8,10 +8,9 @@ from copy import copy
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, plain, positive, shape_of
+from spacearm.arrays import Array, ArrayLike, plain, positive, shape_of
 from spacearm.equations import servo as ticks
 from spacearm.equations.servo import Frame, Limits, Memory, Seen, Tick, packed, unpacked
 from spacearm.errors import ConfigurationError, UnsupportedError, listed, require_known
@@ -28,7 +27,7 @@ from spacearm.singularities.nearest import NearestSearch, angle
 from spacearm.singularities.sets import singular_set
 
 #: A configuration, or joint positions (n,) and the pose of the spacecraft.
-Posture: TypeAlias = Configuration | tuple[npt.ArrayLike, PoseLike]
+Posture: TypeAlias = Configuration | tuple[ArrayLike, PoseLike]
 #: Attitude of a spacecraft, on which no distance depends.
 AT_REST = np.array([0.0, 0.0, 0.0, 1.0])
 FRAMES = ("inertial", "spacecraft", "tip")
@@ -184,8 +183,8 @@ class Servo:
         stop: float = STOP,
         slow: float = SLOW,
         tau: float = 0.5,
-        rates: npt.ArrayLike | None = None,
-        accelerations: npt.ArrayLike | None = None,
+        rates: ArrayLike | None = None,
+        accelerations: ArrayLike | None = None,
         mode: BaseMode = "free-floating",
         frame: Frame = "inertial",
         keep_attitude: bool = False,
@@ -244,7 +243,7 @@ class Servo:
         self.memory = unpacked(Memory, found[self._size :], n, tips)
         return unpacked(Tick, found[: self._size], n, tips)
 
-    def seen(self, posture: Posture, twist: npt.ArrayLike, dt: float) -> Seen:
+    def seen(self, posture: Posture, twist: ArrayLike, dt: float) -> Seen:
         """Return what a step is told; numbers that make no sense are left for it to see.
 
         Raises:
@@ -292,7 +291,7 @@ class Servo:
             proven = singular_set(self.arm, mode=self.mode).nearest(cfg.q).distance_proven
             self._radius = proven
 
-    def step(self, posture: Posture, twist: npt.ArrayLike, dt: float) -> ServoStep:
+    def step(self, posture: Posture, twist: ArrayLike, dt: float) -> ServoStep:
         """Return the joint rates of the next time step.
 
         Args:
@@ -355,7 +354,7 @@ class Servo:
         return watched(self.arm, self.limits, follow, states, positive(ahead, "ahead", "time [s]"))
 
 
-def _limits(arm: SpaceArm, values: npt.ArrayLike, name: str) -> Array:
+def _limits(arm: SpaceArm, values: ArrayLike, name: str) -> Array:
     """Return the largest rates or accelerations (n,), checked."""
     try:
         found = np.broadcast_to(np.asarray(values, dtype=float), (arm.n,))
@@ -376,7 +375,7 @@ def _pair(posture: object) -> tuple[Any, Any]:
     return posture[0], posture[1]
 
 
-def _numbers(values: npt.ArrayLike, shape: tuple[int, ...], name: str) -> Array:
+def _numbers(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
     """Return numbers of a shape, finite or not."""
     try:
         found = np.asarray(values, dtype=float)

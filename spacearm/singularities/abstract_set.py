@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, finite, named, numbers_of
+from spacearm.arrays import Array, ArrayLike, Progress, finite, named, numbers_of
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
@@ -39,7 +38,7 @@ def prove_free(
     arm: SpaceArm,
     mode: BaseMode,
     minors: Sequence[Jets],
-    path: npt.ArrayLike,
+    path: ArrayLike,
     limits: bool,
     progress: Progress | None = None,
 ) -> Certificate:
@@ -160,7 +159,7 @@ class Way(Protocol):
         """(pieces, d, n) control points of the way that is flown."""
 
 
-Path: TypeAlias = npt.ArrayLike | Way
+Path: TypeAlias = ArrayLike | Way
 
 
 def control_points(arm: SpaceArm, path: Path) -> Array:
@@ -279,7 +278,7 @@ class SingularSet(Described, ABC):
         return immaterial_links(self.arm, self.mode)
 
     @abstractmethod
-    def roots(self, q: npt.ArrayLike, joint: int | str | None = None) -> Roots:
+    def roots(self, q: ArrayLike, joint: int | str | None = None) -> Roots:
         """Find every singular value of one joint with the others as in q.
 
         There are none as a rule where the set has more than one dimension less than joint space;
@@ -292,7 +291,7 @@ class SingularSet(Described, ABC):
         """
 
     @abstractmethod
-    def solve(self, q: npt.ArrayLike) -> Array:
+    def solve(self, q: ArrayLike) -> Array:
         """Find all singular configurations with the free joints as in q, (r, n).
 
         All joints but `codimension` of them are free: the others follow one after the other. For
@@ -348,7 +347,7 @@ class SingularSet(Described, ABC):
     def is_free(
         self,
         q0: Path,
-        q1: npt.ArrayLike | None = None,
+        q1: ArrayLike | None = None,
         *,
         limits: bool = False,
         clearance: float = 0.0,
@@ -403,7 +402,7 @@ class SingularSet(Described, ABC):
         clear = prove_clear(self.arm, self.mode, way, at_least, limits, progress)
         return replace(clear, margin=proof.margin)
 
-    def _proof(self, path: npt.ArrayLike, limits: bool, progress: Progress | None) -> Certificate:
+    def _proof(self, path: ArrayLike, limits: bool, progress: Progress | None) -> Certificate:
         """Prove that a path meets no singularity."""
         every = minors_of(self.arm, self.mode).every()
         return prove_free(self.arm, self.mode, every, path, limits, progress)
@@ -412,7 +411,7 @@ class SingularSet(Described, ABC):
     def curves(
         self,
         joints: Sequence[int | str] | None = None,
-        q: npt.ArrayLike | None = None,
+        q: ArrayLike | None = None,
         *,
         resolution: float = 0.0,
     ) -> list[Array]:
@@ -435,7 +434,7 @@ class SingularSet(Described, ABC):
 
     @abstractmethod
     def surface(
-        self, joints: Sequence[int | str] | None = None, q: npt.ArrayLike | None = None
+        self, joints: Sequence[int | str] | None = None, q: ArrayLike | None = None
     ) -> Mesh:
         """Triangulate the set over three revolute joints, on the 3-torus.
 

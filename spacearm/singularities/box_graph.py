@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from spacearm.arrays import Array, Progress, whole
+from spacearm.arrays import Array, ArrayLike, Booleans, Integers, Progress, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, StoppedError, StoreError
 from spacearm.files import write
 from spacearm.model.arguments import BaseMode
@@ -43,8 +43,6 @@ TOUCHING = 1e-12
 #: Connected parts that are described.
 MOST_PARTS = 10
 
-Integers = npt.NDArray[np.int64]
-
 
 class Cells(NamedTuple):
     """A tree of cells, each halved or not; the first is the whole range.
@@ -59,7 +57,7 @@ class Cells(NamedTuple):
     low: Array
     high: Array
     child: Integers
-    free: npt.NDArray[np.bool_]
+    free: Booleans
 
 
 class FreeBoxes(Result):
@@ -136,7 +134,7 @@ class FreeBoxes(Result):
         """Share of the volume of the range that each connected part covers."""
         return np.bincount(self.parts, weights=self.volumes)
 
-    def path(self, q0: npt.ArrayLike, q1: npt.ArrayLike) -> Array:
+    def path(self, q0: ArrayLike, q1: ArrayLike) -> Array:
         """Find a way between two configurations that stays in the boxes, so that it is free.
 
         Args:
@@ -335,7 +333,7 @@ class FreeBoxes(Result):
 def free_boxes(
     arm: SpaceArm,
     *,
-    within: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    within: tuple[ArrayLike, ArrayLike] | None = None,
     share: float = SHARE,
     most: int = MOST,
     so_far: FreeBoxes | None = None,
@@ -497,7 +495,7 @@ def _neighbours(cells: Cells, endless: tuple[int, ...]) -> Integers:
     return number[np.concatenate(found)]
 
 
-def _holding_boxes(cells: Cells) -> npt.NDArray[np.bool_]:
+def _holding_boxes(cells: Cells) -> Booleans:
     """Tell which cells are boxes or hold some."""
     holds = cells.free.copy()
     inner = np.flatnonzero(cells.child >= 0)

@@ -14,9 +14,8 @@ from functools import cached_property
 from numbers import Integral
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, whole
+from spacearm.arrays import Array, ArrayLike, Booleans, Progress, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import conditions
 from spacearm.model.arguments import BaseMode
@@ -136,7 +135,7 @@ class ExactSet(SingularSet):
         degrees = ", ".join(str(f.degrees) for f in self.triangle.equations)
         return f"ExactSet({self.arm.label}, degrees {degrees})"
 
-    def roots(self, q: npt.ArrayLike, joint: int | str | None = None) -> Roots:
+    def roots(self, q: ArrayLike, joint: int | str | None = None) -> Roots:
         """Find every singular value of one joint; see `SingularSet.roots`."""
         j = self._joint(joint)
         point = self._angles(joint_vector(self.arm, q, "q"), j)[None]
@@ -154,7 +153,7 @@ class ExactSet(SingularSet):
         order = np.argsort(at[:, j])
         return Roots(at[order, j], multiplicity[order], False)
 
-    def solve(self, q: npt.ArrayLike) -> Array:
+    def solve(self, q: ArrayLike) -> Array:
         """Find all singular configurations that have the free joints of q; see `SingularSet`."""
         point = self._angles(joint_vector(self.arm, q, "q"), *self.triangle.joints)
         return self._proper(self.triangle.solve(point[None]))
@@ -182,7 +181,7 @@ class ExactSet(SingularSet):
                 )
         return np.concatenate([np.empty((0, self.arm.n)), *found])[:m]
 
-    def _proof(self, path: npt.ArrayLike, limits: bool, progress: Progress | None) -> Certificate:
+    def _proof(self, path: ArrayLike, limits: bool, progress: Progress | None) -> Certificate:
         """Prove that a path of straight segments (m, n) meets no singularity."""
         proof = prove_free(self.arm, self.mode, self._jets, path, limits, progress)
         if self.codimension == 1 or proof.verdict != "undecided":
@@ -192,21 +191,21 @@ class ExactSet(SingularSet):
     def curves(
         self,
         joints: Sequence[int | str] | None = None,
-        q: npt.ArrayLike | None = None,
+        q: ArrayLike | None = None,
         *,
         resolution: float = 0.0,
     ) -> list[Array]:
         """Trace the set over some joints; see `SingularSet.curves`."""
         chosen, centre = self._slice(joints, q, 1)
 
-        def singular(points: Array) -> npt.NDArray[np.bool_]:
+        def singular(points: Array) -> Booleans:
             return self.are_singular(self._embed(points, chosen, centre))
 
         pieces = level_set.curves(self._reduced(chosen, centre), singular, resolution)
         return [self._embed(piece, chosen, centre) for piece in pieces]
 
     def surface(
-        self, joints: Sequence[int | str] | None = None, q: npt.ArrayLike | None = None
+        self, joints: Sequence[int | str] | None = None, q: ArrayLike | None = None
     ) -> level_set.Mesh:
         """Triangulate the set over some joints; see `SingularSet.surface`."""
         chosen, centre = self._slice(joints, q, 2)
@@ -265,7 +264,7 @@ class ExactSet(SingularSet):
         Q = self.chart.positions(angles[kept])
         return Q[self.are_singular(Q)] if self.sifted else Q
 
-    def are_singular(self, Q: Array) -> npt.NDArray[np.bool_]:
+    def are_singular(self, Q: Array) -> Booleans:
         """Return which common roots of the minors are singular: of one minor all are.
 
         Args:
@@ -276,7 +275,7 @@ class ExactSet(SingularSet):
         return ~(conditions(self.arm, Q, self.mode) < 1.0 / AT_A_ROOT)
 
     def _slice(
-        self, joints: Sequence[int | str] | None, q: npt.ArrayLike | None, dimension: int
+        self, joints: Sequence[int | str] | None, q: ArrayLike | None, dimension: int
     ) -> tuple[tuple[int, ...], Array]:
         """Return the joints over which a picture of a dimension is taken, and all positions."""
         centre = joint_vector(self.arm, np.zeros(self.arm.n) if q is None else q, "q")

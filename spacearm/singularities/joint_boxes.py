@@ -19,9 +19,8 @@ from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, numbers_of, positive, shape_of
+from spacearm.arrays import Array, ArrayLike, Booleans, Progress, numbers_of, positive, shape_of
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.files import write
 from spacearm.model.arguments import BaseMode, require_possible
@@ -128,7 +127,7 @@ class FreeBox(Result):
         ends = zip(self.lower.tolist(), self.upper.tolist(), strict=True)
         return dict(zip(self.arm.joint_names, ends, strict=True))
 
-    def contains(self, postures: Postures | npt.ArrayLike) -> bool:
+    def contains(self, postures: Postures | ArrayLike) -> bool:
         """Check whether all joint positions are within the box.
 
         Of a motion these are its samples; the straight ways between them are then in it, too.
@@ -222,7 +221,7 @@ def free_box(
     *,
     joints: Sequence[str] = (),
     at_least: float | None = None,
-    within: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    within: tuple[ArrayLike, ArrayLike] | None = None,
     clearance: float = 0.0,
     mode: BaseMode = "free-floating",
     progress: Progress | None = None,
@@ -291,7 +290,7 @@ class Region(Protocol):
     """
 
     @property
-    def relevant(self) -> npt.NDArray[np.bool_]:
+    def relevant(self) -> Booleans:
         """Which coordinates matter."""
 
     @property
@@ -301,7 +300,7 @@ class Region(Protocol):
     def values(self, X: Array) -> Array:
         """Compute what changes its sign, (m,) at x (m, n)."""
 
-    def free(self, centre: Array, half: Array) -> tuple[npt.NDArray[np.bool_], Array]:
+    def free(self, centre: Array, half: Array) -> tuple[Booleans, Array]:
         """Tell which boxes (m, n) are free, and what the width of each coordinate takes."""
 
 
@@ -311,7 +310,7 @@ def grown(
     mode: BaseMode,
     joints: Sequence[str],
     at_least: float | None,
-    within: tuple[npt.ArrayLike, npt.ArrayLike] | None,
+    within: tuple[ArrayLike, ArrayLike] | None,
     clearance: float,
     progress: Progress | None,
     effort: Effort = POLYNOMIALS,
@@ -363,7 +362,7 @@ def minors_for_proofs(arm: SpaceArm, mode: BaseMode) -> list[Jets]:
 
 
 def range_allowed(
-    arm: SpaceArm, rows: Array, within: tuple[npt.ArrayLike, npt.ArrayLike] | None
+    arm: SpaceArm, rows: Array, within: tuple[ArrayLike, ArrayLike] | None
 ) -> tuple[Array, Array]:
     """Return the least and largest positions allowed, (n,) each.
 

@@ -7,9 +7,8 @@ from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, whole
+from spacearm.arrays import Array, ArrayLike, Progress, whole
 from spacearm.errors import ConfigurationError, StoppedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
@@ -80,7 +79,7 @@ class SingularMap(Result):
 def singular_map(
     arm: SpaceArm,
     joints: tuple[str, str] | None = None,
-    q: npt.ArrayLike | None = None,
+    q: ArrayLike | None = None,
     points: int = 181,
     *,
     progress: Progress | None = None,

@@ -18,9 +18,8 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress
+from spacearm.arrays import Array, Booleans, Progress
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.distance import Linearisation, linearise, project, rank_distances
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
@@ -33,8 +32,6 @@ from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.tubes import Tubes, deviations, foot
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.singularities.immaterial_masses import payload_note
-
-Booleans = npt.NDArray[np.bool_]
 
 #: Share of the distance found up to which it is proven that none is nearer, by one minor and by
 #: several or along a way; in up to three joints that matter all but so much [rad].

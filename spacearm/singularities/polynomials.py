@@ -26,9 +26,8 @@ from functools import cached_property, lru_cache
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.errors import UnsupportedError, listed
 from spacearm.mechanics import batch
 from spacearm.mechanics.batch import tips_from_centre
@@ -41,8 +40,6 @@ from spacearm.polynomial.trig import Sampler, TrigPolynomial, degrees_of
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import SameSet
 from spacearm.singularities.nearest import is_singular, lose_rank
-
-Indices = npt.NDArray[np.int_]
 
 #: Share of the arm's size below which distances are zero.
 ROUNDING = 1e-14
@@ -132,7 +129,7 @@ def minor_sampler(arm: SpaceArm, minors: Iterable[Sequence[int]], mode: BaseMode
     return sampler(arm, np.array([*minors]), mode)
 
 
-def _sampler_of_one_tip(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler:
+def _sampler_of_one_tip(arm: SpaceArm, minors: Integers, mode: BaseMode) -> Sampler:
     """Return the function that computes minors from the momentum seen from the tip."""
     rows, free = _rows_and_free_directions(arm, mode)
     columns = np.array([[*free, *joints] for joints in 6 + minors])
@@ -156,7 +153,7 @@ def _columns_at_random(arm: SpaceArm, mode: BaseMode) -> Array:
     return batch.columns_seen(arm, Q, mode)
 
 
-def _sampler_of_several_tips(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler:
+def _sampler_of_several_tips(arm: SpaceArm, minors: Integers, mode: BaseMode) -> Sampler:
     """Return the function that computes minors as det(D) det(J*), one by one."""
     D_unit = max(np.abs(cfg.A[3:, 3:6]).max() for cfg in probes(arm))
     at_probes = np.array([task_jacobian(cfg, mode=mode) for cfg in probes(arm)])
@@ -174,7 +171,7 @@ def _sampler_of_several_tips(arm: SpaceArm, minors: Indices, mode: BaseMode) -> 
     return sampler
 
 
-def _rows_and_free_directions(arm: SpaceArm, mode: BaseMode) -> tuple[Indices, list[int]]:
+def _rows_and_free_directions(arm: SpaceArm, mode: BaseMode) -> tuple[Integers, list[int]]:
     """Return the rows that count, and the directions of the tip's twist that the task leaves free.
 
     For a floating spacecraft the rows are those of momentum: six, or three in the plane of a

@@ -13,9 +13,8 @@ from numbers import Integral
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, generator, whole
+from spacearm.arrays import Array, ArrayLike, Progress, generator, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arguments import FLOATING, require_possible
@@ -94,7 +93,7 @@ def risk_profile(
     limits: bool = False,
     sigma_min: float | None = None,
     distance: float | None = None,
-    bins: int | npt.ArrayLike = 40,
+    bins: int | ArrayLike = 40,
     samples: int = 200_000,
     seed: int | Sequence[int] = 0,
     threads: int | None = None,

@@ -11,8 +11,8 @@ from inspect import signature
 from typing import Any, TypeVar, get_args
 
 import numpy as np
-import numpy.typing as npt
 
+from spacearm.arrays import ArrayLike
 from spacearm.errors import ConfigurationError
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -118,7 +118,7 @@ def _wrench(pushed: Table, link: str) -> Wrench:
     if any(len(row) != 6 for row in rows):
         raise pieces.fail("values", "give 6 numbers each, force [N] and torque [N m]")
 
-    def wrench(t: float) -> npt.ArrayLike:
+    def wrench(t: float) -> ArrayLike:
         now = int(np.searchsorted(times, t, side="right")) - 1
         return rows[now] if now >= 0 else np.zeros(6)
 

@@ -21,14 +21,13 @@ from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation, RotationSpline
 from scipy.stats import truncnorm
 
-from spacearm.arrays import Array, finite
+from spacearm.arrays import Array, ArrayLike, finite
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import generalized_velocity
 from spacearm.model.arm import SpaceArm
@@ -182,9 +181,9 @@ def identify(
     motion: Motion,
     arm: SpaceArm | None = None,
     *,
-    dq: npt.ArrayLike | None = None,
-    twist: npt.ArrayLike | None = None,
-    noise: npt.ArrayLike | None = None,
+    dq: ArrayLike | None = None,
+    twist: ArrayLike | None = None,
+    noise: ArrayLike | None = None,
 ) -> Identified:
     """Identify the body that a floating arm holds, from measured joint rates and spacecraft rates.
 

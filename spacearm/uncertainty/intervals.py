@@ -9,10 +9,9 @@ from numbers import Real
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, generator, whole
+from spacearm.arrays import Array, ArrayLike, finite, generator, whole
 from spacearm.description.bodies import Inertial
 from spacearm.errors import ConfigurationError, require_known
 from spacearm.model.arguments import FLOATING
@@ -68,7 +67,7 @@ class UncertainArm(Described):
     arm: SpaceArm
     parameters: tuple[Parameter, ...]
 
-    def realise(self, shares: npt.ArrayLike) -> SpaceArm:
+    def realise(self, shares: ArrayLike) -> SpaceArm:
         """Return the arm with values from the intervals.
 
         Args:

@@ -28,10 +28,9 @@ from math import comb, factorial
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import qr
 
-from spacearm.arrays import Array, Progress
+from spacearm.arrays import Array, Booleans, Integers, Progress
 from spacearm.equations.measures import columns
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.arm_kernels import evaluated, parameters_of, structure_of
@@ -62,7 +61,6 @@ NARROW = 1e-4
 #: Share of the largest moments below which others are combinations of those chosen.
 DEPENDENT = 1e-10
 
-Booleans = npt.NDArray[np.bool_]
 #: Where on the path, and the parameters (p,) of an arm.
 Place: TypeAlias = tuple[float, Array]
 
@@ -112,7 +110,7 @@ class Pieces(NamedTuple):
         """Return these and others."""
         return Pieces(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
 
-    def halves(self, by: npt.NDArray[np.int_]) -> Pieces:
+    def halves(self, by: Integers) -> Pieces:
         """Return the halves of each along a parameter (k,), or along the path for -1."""
         middle, along = 0.5 * (self.begin + self.end), by < 0
         half = (by[:, None] == np.arange(self.low.shape[1])) * 0.5 * (self.high - self.low)
@@ -415,7 +413,7 @@ def _descent(momenta: Momenta, pieces: Pieces) -> Iterator[tuple[bool, Place]]:
         shares = lower.astype(np.float64)
 
 
-def _by(momenta: Momenta, seen: Enclosure, pieces: Pieces) -> npt.NDArray[np.int_]:
+def _by(momenta: Momenta, seen: Enclosure, pieces: Pieces) -> Integers:
     """Return along what to halve each piece (k,): a parameter, or -1 for the path."""
     size, wide = np.abs(seen.middle).sum(axis=2), pieces.high - pieces.low
     shares = ((seen.parts @ size[:, :, None])[..., 0] / size).max(axis=2)

@@ -8,10 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, within_100
+from spacearm.arrays import Array, ArrayLike, Progress, within_100
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
 from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import Configuration, SpaceArm
@@ -155,7 +154,7 @@ class RobustCertificate(Result):
 @checked
 def distance_range(
     uncertain: UncertainArm,
-    q: npt.ArrayLike,
+    q: ArrayLike,
     *,
     samples: int = SAMPLES,
     seed: int = 0,
@@ -296,7 +295,7 @@ def robust_plan(
     goal: Goal | Joints,
     *,
     via: Sequence[Goal | Joints] = (),
-    final_attitude: npt.ArrayLike | pin.SE3 | float | None = None,
+    final_attitude: ArrayLike | pin.SE3 | float | None = None,
     duration: float | None = None,
     origin: Origin = "spacecraft",
     constraints: Constraints = Constraints(),

@@ -21,9 +21,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress
+from spacearm.arrays import Array, ArrayLike, Booleans, Progress
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.batch import tips_from_centre
 from spacearm.model.arguments import FLOATING, require_possible
@@ -104,7 +103,7 @@ class Matrices:
         return self.sampled(np.zeros((1, self.momenta.middle.n))).shape[1:]
 
     @cached_property
-    def relevant(self) -> npt.NDArray[np.bool_]:
+    def relevant(self) -> Booleans:
         """(n,) which positions they depend on."""
         return np.any([f.polynomial.degrees for f in self._elements], axis=0)
 
@@ -181,7 +180,7 @@ class Family:
         return Matrices(self.momenta, [self.momenta.middle, *others])
 
     @cached_property
-    def relevant(self) -> npt.NDArray[np.bool_]:
+    def relevant(self) -> Booleans:
         """(n + p,) which positions M depends on; on all parameters."""
         return np.append(self._matrices.relevant, np.ones(len(self.momenta.degrees), dtype=bool))
 
@@ -233,7 +232,7 @@ class Family:
         value = determinants(self.matrix(X))
         return np.where(np.abs(value) > SURE, value, 0.0)
 
-    def free(self, centre: Array, half: Array) -> tuple[npt.NDArray[np.bool_], Array]:
+    def free(self, centre: Array, half: Array) -> tuple[Booleans, Array]:
         """Tell in which boxes no arm is singular, rounding included.
 
         Args:
@@ -296,7 +295,7 @@ def free_box_for_all(
     *,
     joints: Sequence[str] = (),
     at_least: float | None = None,
-    within: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    within: tuple[ArrayLike, ArrayLike] | None = None,
     clearance: float = 0.0,
     progress: Progress | None = None,
 ) -> FreeBox:

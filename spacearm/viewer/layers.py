@@ -9,10 +9,9 @@ from typing import Any, NamedTuple
 import meshcat
 import meshcat.geometry as g
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.solids import corners
 from spacearm.description.bodies import Inertial
@@ -23,18 +22,7 @@ from spacearm.mission.catch_report import Catch
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.singularities.risk import RiskProfile
-from spacearm.viewer.shapes import (
-    along,
-    at,
-    bar,
-    distance_colors,
-    draw_axes,
-    film,
-    glass,
-    link_poses,
-    overlay,
-    strips,
-)
+from spacearm.viewer import shapes
 from spacearm.workspaces.path_dependent import Workspace
 
 HERE = pin.SE3.Identity()
@@ -83,7 +71,7 @@ class Key(NamedTuple):
     @classmethod
     def scale(cls, layer: str, ends: tuple[float, float], words: str) -> Key:
         """Return the line of the colours of values from one end to another."""
-        colors = np.round(255.0 * distance_colors(np.linspace(*ends, 3))).astype(np.uint8)
+        colors = np.round(255.0 * shapes.distance_colors(np.linspace(*ends, 3))).astype(np.uint8)
         return cls(layer, tuple(f"#{color.tobytes().hex()}" for color in colors), words)
 
 
@@ -194,7 +182,7 @@ class TargetLayer:
         draw_triangles(node["body"], np.concatenate(catch.target.drawn))
         for number, (name, pose) in enumerate(places.items()):
             color = OLIVE if name == "stand-off" else TEAL
-            draw_axes(node["frames"][str(number)], 0.4 * size, color)
+            shapes.draw_axes(node["frames"][str(number)], 0.4 * size, color)
             node["frames"][str(number)].set_transform(pose.homogeneous)
         self._standing = node["frames"][str(len(places) - 1)]
 
@@ -263,7 +251,7 @@ class LoadLayer:
 
     def draw(self, cfg: Configuration, t: float) -> None:
         """Draw the loads at a time, of a motion, or those of the configuration."""
-        pose_of = link_poses(cfg.arm, cfg)
+        pose_of = shapes.link_poses(cfg.arm, cfg)
         for holder, link, shape, node in self._held:
             node.set_property("visible", holder is cfg.arm)
             if holder is cfg.arm:
@@ -274,7 +262,7 @@ class LoadLayer:
             joint = self._arm.tree.joints[wheel.name]
             place = pose_of(joint.parent) * joint.origin.translation
             axis = pose_of(joint.parent).rotation @ wheel.axis
-            self._wheels[str(i)]["ring"].set_transform(along(place - axis, place + axis))
+            self._wheels[str(i)]["ring"].set_transform(shapes.along(place - axis, place + axis))
             self._point(self._wheels[str(i)]["arrow"], place, axis * self._now(spin, t)[i], most)
         for name, _, rows in PARTS:
             largest = (np.linalg.norm(x[:, rows], axis=1).max() for x in self._push.values())
@@ -296,18 +284,18 @@ class LoadLayer:
         node.set_property("visible", seen)
         if seen:
             length = self._length / most * size
-            pose = along(place, place + self._length / most * load)
+            pose = shapes.along(place, place + self._length / most * load)
             node.set_transform(pose @ np.diag([length, length, length, 1.0]))
 
 
 def _arrow(node: meshcat.Visualizer, color: int, heads: int) -> None:
     """Draw an arrow of length 1 along y about its middle."""
-    node["shaft"].set_object(g.Cylinder(0.85, 0.02), overlay(color))
-    node["shaft"].set_transform(at(np.array([0.0, -0.075, 0.0])))
+    node["shaft"].set_object(g.Cylinder(0.85, 0.02), shapes.overlay(color))
+    node["shaft"].set_transform(shapes.at(np.array([0.0, -0.075, 0.0])))
     for i in range(heads):
         cone = g.Cylinder(0.18, radiusTop=0.0, radiusBottom=0.06)
-        node[f"head_{i}"].set_object(cone, overlay(color))
-        node[f"head_{i}"].set_transform(at(np.array([0.0, 0.41 - 0.15 * i, 0.0])))
+        node[f"head_{i}"].set_object(cone, shapes.overlay(color))
+        node[f"head_{i}"].set_transform(shapes.at(np.array([0.0, 0.41 - 0.15 * i, 0.0])))
 
 
 def ellipsoid(body: Inertial, least: float) -> Array:
@@ -347,11 +335,13 @@ def draw_workspace(node: meshcat.Visualizer, space: Workspace, view: Array) -> l
     for name, (color, ranges) in regions.items():
         for i, (low, high) in enumerate(ranges):
             ring = g.TriangularMeshGeometry(*annulus(low, high, view))
-            node[name][f"ring_{i}"].set_object(ring, film(0.4 if space.planar else 0.25, color))
+            node[name][f"ring_{i}"].set_object(
+                ring, shapes.film(0.4 if space.planar else 0.25, color)
+            )
             for radius in () if space.planar else (low, high):
                 if radius > 1e-6 * space.reachable[0, 1]:
                     half = half_sphere(radius, view)
-                    node[name][f"{i}_{radius:.9g}"].set_object(half, glass(color, 0.25))
+                    node[name][f"{i}_{radius:.9g}"].set_object(half, shapes.glass(color, 0.25))
         if len(ranges):
             words = ", ".join(f"{low:.3f} to {high:.3f}" for low, high in ranges)
             legend.append(Key.of("shells", color, f"{name}: {words} m from the CM"))
@@ -365,13 +355,13 @@ def draw_risk(node: meshcat.Visualizer, risk: RiskProfile, view: Array) -> list[
     node.delete()
     most = float(np.nanmax(risk.share, initial=0.0))
     shares = np.nan_to_num(risk.share)
-    colors = distance_colors(1.0 - shares / most if most > 0.0 else np.ones(len(shares)))
+    colors = shapes.distance_colors(1.0 - shares / most if most > 0.0 else np.ones(len(shares)))
     rings = np.flatnonzero(risk.count)
     parts = [annulus(risk.edges[i], risk.edges[i + 1], view) for i in rings]
     vertices = np.concatenate([points for points, _ in parts])
     numbers = np.concatenate([faces + i * 2 * AROUND for i, (_, faces) in enumerate(parts)])
     painted = np.repeat(colors[rings], 2 * AROUND, axis=0)
-    node["disc"].set_object(g.TriangularMeshGeometry(vertices, numbers, painted), film(0.7))
+    node["disc"].set_object(g.TriangularMeshGeometry(vertices, numbers, painted), shapes.film(0.7))
     words = f"postures within 5° of a singular one: 0 to {100 * most:.3g} %, by the tip's R"
     return [Key.scale("risk", (1.0, 0.0), words)]
 
@@ -381,13 +371,13 @@ def half_sphere(radius: float, view: Array) -> g.TriangularMeshGeometry:
     circle, toward = _circle(view)
     angle = np.linspace(0.0, np.pi / 2.0, DOWN + 1)[:, None, None]
     points = np.sin(angle) * circle - np.cos(angle) * toward
-    return g.TriangularMeshGeometry(radius * points.reshape(-1, 3), strips(DOWN + 1, AROUND))
+    return g.TriangularMeshGeometry(radius * points.reshape(-1, 3), shapes.strips(DOWN + 1, AROUND))
 
 
-def annulus(low: float, high: float, view: Array) -> tuple[Array, npt.NDArray[np.int64]]:
+def annulus(low: float, high: float, view: Array) -> tuple[Array, Integers]:
     """Return the vertices (m, 3) and faces of a flat ring, facing the viewer."""
     circle, _ = _circle(view)
-    return np.concatenate((low * circle, high * circle)), strips(2, AROUND)
+    return np.concatenate((low * circle, high * circle)), shapes.strips(2, AROUND)
 
 
 def _circle(view: Array) -> tuple[Array, Array]:
@@ -452,17 +442,17 @@ class AttitudeLayer:
         """Follow the spacecraft."""
         if self._axis is None:
             return
-        self._node.set_transform(at(cfg.base * cfg.arm.model.inertias[1].lever))
+        self._node.set_transform(shapes.at(cfg.base * cfg.arm.model.inertias[1].lever))
         end = OUTER * self._size * cfg.base.rotation[:, self._axis]
-        self._node["now"]["shaft"].set_transform(bar(np.zeros(3), end))
-        self._node["now"]["end"].set_transform(at(end))
+        self._node["now"]["shaft"].set_transform(shapes.bar(np.zeros(3), end))
+        self._node["now"]["end"].set_transform(shapes.at(end))
 
     def _sphere(self, found: FeasibleAttitudes) -> list[Key]:
         directions, shares = found.by_direction
         vertices, faces = patches(directions, 0.65 * 2.0 / np.sqrt(len(directions)))
-        painted = np.repeat(distance_colors(shares), CORNERS + 1, axis=0)
+        painted = np.repeat(shapes.distance_colors(shares), CORNERS + 1, axis=0)
         mesh = g.TriangularMeshGeometry(OUTER * self._size * vertices, faces, painted)
-        self._node["sphere"].set_object(mesh, film(0.9))
+        self._node["sphere"].set_object(mesh, shapes.film(0.9))
         words = "spacecraft's z axis: 0 to 100 % of the rolls about it feasible"
         return [Key.scale("attitudes", (0.0, 1.0), f"{words}; {_summary(found)}")]
 
@@ -478,7 +468,7 @@ class AttitudeLayer:
                 if high > low:
                     vertices, faces = sector(low, high, axes)
                     mesh = g.TriangularMeshGeometry(self._size * vertices, faces)
-                    self._node[name][str(i)].set_object(mesh, film(0.75, color))
+                    self._node[name][str(i)].set_object(mesh, shapes.film(0.75, color))
         words = ", ".join(f"{a:.2f}° to {b:.2f}°" for a, b in np.degrees(intervals))
         return [
             Key.of("attitudes", BLUE, f"feasible: {words or 'none'}; {_summary(found)}"),
@@ -493,7 +483,7 @@ def _around(arm: SpaceArm) -> float:
     return OUTSIDE * float(np.sqrt(most / body.mass)) if body.mass else 0.0
 
 
-def patches(directions: Array, radius: float) -> tuple[Array, npt.NDArray[np.int64]]:
+def patches(directions: Array, radius: float) -> tuple[Array, Integers]:
     """Return vertices and faces of small discs on the unit sphere.
 
     Args:
@@ -517,7 +507,7 @@ def patches(directions: Array, radius: float) -> tuple[Array, npt.NDArray[np.int
     return vertices, (first[:, None, None] + one).reshape(-1, 3)
 
 
-def sector(low: float, high: float, axes: Array) -> tuple[Array, npt.NDArray[np.int64]]:
+def sector(low: float, high: float, axes: Array) -> tuple[Array, Integers]:
     """Return vertices (m, 3) and faces of the ring from one angle to another in a plane.
 
     Args:
@@ -527,7 +517,7 @@ def sector(low: float, high: float, axes: Array) -> tuple[Array, npt.NDArray[np.
     """
     angle = np.linspace(low, high, max(int(np.ceil((high - low) / FINEST)), 1) + 1)
     line = np.column_stack((np.cos(angle), np.sin(angle))) @ axes
-    return np.concatenate((INNER * line, OUTER * line)), strips(2, len(line), closed=False)
+    return np.concatenate((INNER * line, OUTER * line)), shapes.strips(2, len(line), closed=False)
 
 
 def _summary(found: FeasibleAttitudes) -> str:

@@ -8,10 +8,9 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.equations.servo import Frame
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.floating import move, placed
@@ -147,7 +146,7 @@ class HandFlight:
         return Motion(self.cfg.arm, np.array(t), **samples(list(cfgs)), mode=self.servo.mode)
 
 
-def some(count: int, most: int) -> npt.NDArray[np.int64]:
+def some(count: int, most: int) -> Integers:
     """Return the numbers of at most so many of the rows of a motion, evenly spread."""
     return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
 
@@ -230,7 +229,7 @@ def _sampled(motion: Motion) -> tuple[Array, list[Curves]]:
     return motion.t[rows], list(_curves(motion, rows))
 
 
-def _curves(motion: Motion, rows: npt.NDArray[np.int64]) -> Iterator[Curves]:
+def _curves(motion: Motion, rows: Integers) -> Iterator[Curves]:
     """Yield the curves of a motion at some of its samples."""
     arm, names, q = motion.arm, short_names(motion.arm.joint_names), motion.q[rows]
     turning, sliding = np.flatnonzero(~arm.slides), np.flatnonzero(arm.slides)

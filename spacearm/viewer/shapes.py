@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 import meshcat
 import meshcat.geometry as g
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.description.bus import stand_in
 from spacearm.description.shapes import (
     Box,
@@ -281,7 +280,7 @@ def tube(points: Array, colors: Array, radius: float) -> g.TriangularMeshGeometr
     )
 
 
-def strips(rows: int, count: int, closed: bool = True) -> npt.NDArray[np.int64]:
+def strips(rows: int, count: int, closed: bool = True) -> Integers:
     """Return the faces (m, 3) between successive rows of as many points, closed to rings or not."""
     grid = np.arange(rows * count).reshape(rows, count)
     if closed:

@@ -24,25 +24,11 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import SingularityReport, singularity
-from spacearm.viewer import layers
+from spacearm.viewer import layers, shapes
 from spacearm.viewer.layers import Grid, draw_grid
 from spacearm.viewer.motions import Comparison, some
 from spacearm.viewer.readouts import FAR, NEAR, joint_map
 from spacearm.viewer.session import Session
-from spacearm.viewer.shapes import (
-    GHOST,
-    STEEL,
-    VIOLET,
-    Bodies,
-    Ghost,
-    along,
-    at,
-    bar,
-    distance_colors,
-    draw_axes,
-    overlay,
-    tube,
-)
 from spacearm.viewer.window import Window
 from spacearm.workspaces.path_dependent import centre_of
 
@@ -73,7 +59,7 @@ class Scene:
         self.root = meshcat.Visualizer(window=window)["/spacearm"]
         self.arm = arm
         self._virtual_links = 0
-        self.bodies = Bodies(self.root["bodies"], arm)
+        self.bodies = shapes.Bodies(self.root["bodies"], arm)
         centre, self.size = _extent(arm)
         normal, below = arm.tree.plane_normal(), float(centre[2]) - self.size
         self.grid = Grid.of(self.size, *((2, below) if normal is None else (normal, 0.0)))
@@ -84,19 +70,21 @@ class Scene:
 
     def _draw_markers(self) -> None:
         size, arrow = self.size, self.root["directions"]
-        self.root["centre of mass"]["ball"].set_object(g.Sphere(0.022 * size), overlay(BROWN))
+        self.root["centre of mass"]["ball"].set_object(
+            g.Sphere(0.022 * size), shapes.overlay(BROWN)
+        )
         for axis, color in enumerate(AXES):
             node = self.root["tip frame"]["axes"][str(axis)]
-            node.set_object(g.Cylinder(0.14 * size, 0.005 * size), overlay(color))
-            node.set_transform(along(np.zeros(3), 0.14 * size * np.eye(3)[axis]))
+            node.set_object(g.Cylinder(0.14 * size, 0.005 * size), shapes.overlay(color))
+            node.set_transform(shapes.along(np.zeros(3), 0.14 * size * np.eye(3)[axis]))
         ball = g.MeshPhongMaterial(color=CYAN, opacity=0.35)
         self.root["ellipsoid"]["body"].set_object(g.Sphere(1.0), ball)
         for name, color in (("lost", MAGENTA), ("weak", PINK)):
             _double_arrow(arrow[name], color)
-        arrow["line"].set_object(g.Cylinder(1.0, 0.007 * size), overlay(AMBER))
+        arrow["line"].set_object(g.Cylinder(1.0, 0.007 * size), shapes.overlay(AMBER))
         disc = g.Cylinder(0.004 * size, 0.3 * size)
         arrow["plane"].set_object(disc, g.MeshBasicMaterial(color=AMBER, opacity=0.3))
-        arrow["turn"].set_object(_ring(0.16 * size, 0.008 * size), overlay(MAGENTA))
+        arrow["turn"].set_object(_ring(0.16 * size, 0.008 * size), shapes.overlay(MAGENTA))
 
     # --- at every configuration -------------------------------------------------------------
 
@@ -113,7 +101,7 @@ class Scene:
     def move(self, cfg: Configuration) -> None:
         """Move what needs no Jacobian: bodies, centre of mass, tip and virtual manipulator."""
         self.bodies.place(cfg)
-        self.root["centre of mass"].set_transform(at(cfg.com))
+        self.root["centre of mass"].set_transform(shapes.at(cfg.com))
         self.root["tip frame"].set_transform(cfg.tips[0].homogeneous)
         self._draw_virtual_manipulator(cfg)
 
@@ -126,16 +114,16 @@ class Scene:
         for i, (start, end) in enumerate(pairwise(points)):
             if i >= self._virtual_links:
                 self._virtual_links += 1
-                layer[str(i)].set_object(g.Cylinder(1.0, 0.006 * self.size), overlay(PURPLE))
-                layer[f"joint_{i}"].set_object(g.Sphere(0.013 * self.size), overlay(PURPLE))
-            layer[str(i)].set_transform(bar(start, end))
-            layer[f"joint_{i}"].set_transform(at(end))
+                layer[str(i)].set_object(g.Cylinder(1.0, 0.006 * self.size), shapes.overlay(PURPLE))
+                layer[f"joint_{i}"].set_object(g.Sphere(0.013 * self.size), shapes.overlay(PURPLE))
+            layer[str(i)].set_transform(shapes.bar(start, end))
+            layer[f"joint_{i}"].set_transform(shapes.at(end))
 
     def _draw_ellipsoid(self, cfg: Configuration, mode: BaseMode) -> None:
         U, sigma, _ = np.linalg.svd(generalized_jacobian(cfg, mode=mode)[:3])
         radii = np.zeros(3)
         radii[: len(sigma)] = ELLIPSOID_SECONDS * sigma
-        pose = at(cfg.tips[0].translation)
+        pose = shapes.at(cfg.tips[0].translation)
         U[:, 2] *= np.sign(np.linalg.det(U))
         pose[:3, :3] = U * np.maximum(radii, 0.004 * self.size)
         self.root["ellipsoid"]["body"].set_transform(pose)
@@ -154,12 +142,12 @@ class Scene:
         _show(layer["turn"], singular and turns)
         if moves:
             direction = linear / np.linalg.norm(linear)
-            pose = along(tip - direction, tip + direction)
+            pose = shapes.along(tip - direction, tip + direction)
             pose[:3, :3] *= 0.3 * self.size
             for name in ("lost", "weak"):
                 layer[name].set_transform(pose)
         if turns:
-            layer["turn"].set_transform(along(tip - angular, tip + angular))
+            layer["turn"].set_transform(shapes.along(tip - angular, tip + angular))
         self._draw_available(layer, tip, report, cfg.arm.task.indices)
 
     def _draw_available(
@@ -175,9 +163,9 @@ class Scene:
         _show(layer["plane"], singular and rank == 2 and len(linear) == 3)
         if rank == 1:
             reach = 0.3 * self.size * axes[:, 0]
-            layer["line"].set_transform(bar(tip - reach, tip + reach))
+            layer["line"].set_transform(shapes.bar(tip - reach, tip + reach))
         if rank == 2 and len(linear) == 3:
-            layer["plane"].set_transform(along(tip - axes[:, 2], tip + axes[:, 2]))
+            layer["plane"].set_transform(shapes.along(tip - axes[:, 2], tip + axes[:, 2]))
 
     # --- on request -----------------------------------------------------------------------
 
@@ -192,7 +180,9 @@ class Scene:
     def trace(self, points: Array, values: Array) -> None:
         """Draw a path (m, 3) [m], coloured by values (m,): vermilion at 0, yellow, blue at 1."""
         rows = some(len(points), MOST_POINTS)
-        geometry = tube(points[rows], distance_colors(values[rows]), 0.006 * self.size)
+        geometry = shapes.tube(
+            points[rows], shapes.distance_colors(values[rows]), 0.006 * self.size
+        )
         material = g.MeshBasicMaterial(
             vertexColors=True, transparent=True, depthTest=False, depthWrite=False
         )
@@ -218,11 +208,11 @@ def _show(node: meshcat.Visualizer, visible: bool | np.bool_) -> None:
 
 def _double_arrow(node: meshcat.Visualizer, color: int) -> None:
     """Draw a double arrow of half length 1 along y."""
-    node["shaft"].set_object(g.Cylinder(1.7, 0.035), overlay(color))
+    node["shaft"].set_object(g.Cylinder(1.7, 0.035), shapes.overlay(color))
     for sign in (1.0, -1.0):
         head = node[f"head{sign:+.0f}"]
-        head.set_object(g.Cylinder(0.25, radiusTop=0.0, radiusBottom=0.1), overlay(color))
-        head.set_transform(along(np.array([0, 0.75 * sign, 0]), np.array([0, sign, 0])))
+        head.set_object(g.Cylinder(0.25, radiusTop=0.0, radiusBottom=0.1), shapes.overlay(color))
+        head.set_transform(shapes.along(np.array([0, 0.75 * sign, 0]), np.array([0, sign, 0])))
 
 
 def _ring(radius: float, thickness: float) -> g.TriangularMeshGeometry:
@@ -279,7 +269,7 @@ class Stage:
             root[name].delete()
             self.show_layer(name, name not in self.hidden)
         self._goal = root["goal"]["frame"]
-        draw_axes(self._goal, self.scene.size, VIOLET)
+        shapes.draw_axes(self._goal, self.scene.size, shapes.VIOLET)
         if motion:
             session.spacecraft = motion.mode
             session.show(motion[0])
@@ -289,7 +279,7 @@ class Stage:
         self.compare(None)
         if motion and len(motion.arm.tips) == 1:  # several tips have no one path
             self.scene.trace(motion.tip[:, :3], motion.distance / FAR)
-            end = Ghost(root["goal"]["end"], motion.arm, self.scene.size, GHOST, 0.2)
+            end = shapes.Ghost(root["goal"]["end"], motion.arm, self.scene.size, shapes.GHOST, 0.2)
             end.place(motion[len(motion) - 1])
 
     def obstruct(self, around: tuple[Obstacle, ...]) -> None:
@@ -331,7 +321,7 @@ class Stage:
         if other is None:
             node.delete()
         else:
-            self._ghost = Ghost(node, other.motion.arm, self.scene.size, STEEL, 0.45)
+            self._ghost = shapes.Ghost(node, other.motion.arm, self.scene.size, shapes.STEEL, 0.45)
         self.show_layer("comparison", "comparison" not in self.hidden)
         self.draw()
 

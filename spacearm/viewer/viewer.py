@@ -14,10 +14,9 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, positive
+from spacearm.arrays import Array, ArrayLike, positive
 from spacearm.collisions.obstacles import ObstacleLike, obstacles_of
 from spacearm.errors import ConfigurationError, require_known
 from spacearm.files import name_part, write_by
@@ -69,7 +68,7 @@ class Viewer:
 
     # --- what is shown ----------------------------------------------------------------------
 
-    def show(self, q: npt.ArrayLike, *, base: pin.SE3 | None = None) -> None:
+    def show(self, q: ArrayLike, *, base: pin.SE3 | None = None) -> None:
         """Show another configuration.
 
         Args:

@@ -11,10 +11,9 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import NO_NUMBERS, Progress, named, whole
+from spacearm.arrays import NO_NUMBERS, ArrayLike, Progress, named, whole
 from spacearm.errors import ConfigurationError, UnsupportedError, require_known, unknown
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -142,7 +141,7 @@ def shell_measures(arm: SpaceArm, **options: Any) -> dict[str, Any]:
 @checked
 def workspaces(
     arm: SpaceArm,
-    parameters: Mapping[str, npt.ArrayLike],
+    parameters: Mapping[str, ArrayLike],
     *,
     mode: BaseMode = "free-floating",
     limits: bool = False,

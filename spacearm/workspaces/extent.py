@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.compiler.machine import processors
 from spacearm.equations.reach import attitudes_at_zero, bound, constant_vectors
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
@@ -116,7 +116,7 @@ def _largest_around(own: Array, reaches: list[_Reach], length: float, rounding: 
     t = np.linspace(0.0, np.pi, ANGLES + 1)
     high, low = np.cos(t), np.sin(t)
 
-    def h(row: npt.NDArray[np.int_], turn: Array) -> Array:
+    def h(row: Integers, turn: Array) -> Array:
         cosine, sine, z = low[row] * np.cos(turn), low[row] * np.sin(turn), high[row]
         value = cosine * own[0] + sine * own[1] + z * own[2]
         for reach in reaches:

@@ -9,9 +9,8 @@ where a critical value of p has an extreme distance, so one test decides between
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Booleans
 from spacearm.mechanics.batch import tips_from_centre
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -89,7 +88,7 @@ class Reach:
         hardest, others = targets[order[:HARDEST]], targets[order[HARDEST:]]
         return bool(self.reached(hardest).all() and self.reached(others).all())
 
-    def reached(self, targets: Array) -> npt.NDArray[np.bool_]:
+    def reached(self, targets: Array) -> Booleans:
         """Check which points (m, d) can be reached, by Newton's method from near tips."""
         found = np.zeros(len(targets), dtype=bool)
         _, near = self.tree.query(targets, k=NEIGHBOURS)
@@ -100,7 +99,7 @@ class Reach:
             found[left] = self._solve(targets[left], self.Q[column[left]])
         return found
 
-    def _solve(self, targets: Array, Q: Array) -> npt.NDArray[np.bool_]:
+    def _solve(self, targets: Array, Q: Array) -> Booleans:
         """Check which points (m, d) are reached from configurations Q (m, n)."""
         for _ in range(STEPS):
             miss = targets - self._position(Q)

@@ -15,10 +15,9 @@ from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, generator, plain, shape_of, whole
+from spacearm.arrays import Array, ArrayLike, finite, generator, plain, shape_of, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import tips_from_centre
 from spacearm.model.arguments import FLOATING, BaseMode, require_possible
@@ -91,7 +90,7 @@ class Region(Result):
 
 
 def position(
-    arm: SpaceArm, point: npt.ArrayLike, mode: BaseMode, start: Configuration | None = None
+    arm: SpaceArm, point: ArrayLike, mode: BaseMode, start: Configuration | None = None
 ) -> Array:
     """Check a point and return it as (3,) from the system CM, inertial axes.
 
@@ -267,7 +266,7 @@ class Workspace(Result):
         """
         return free_workspace(self.arm, self.mode, self.limits, self.reachable[0])
 
-    def regions(self, point: npt.ArrayLike, *, start: Configuration | None = None) -> Region:
+    def regions(self, point: ArrayLike, *, start: Configuration | None = None) -> Region:
         """Tell whether a point is unreachable, path independent or path dependent.
 
         Args:

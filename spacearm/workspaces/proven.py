@@ -26,9 +26,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Booleans, Integers
 from spacearm.polynomial.branch_and_bound import enclose
 from spacearm.polynomial.jets import Jet, Jets, stacked
 from spacearm.polynomial.trig import EPS
@@ -53,8 +52,6 @@ POLISH = 20
 
 #: Values below which they end: less than rounding.
 CONVERGED = 1e-14
-
-Booleans = npt.NDArray[np.bool_]
 
 
 class Equations:
@@ -183,7 +180,7 @@ def _change(f: Equations, second: Array, noise: Array, reach: Array) -> Array:
     return np.asarray(np.einsum("mcij,mj->mci", curvature, reach))
 
 
-def _pivots(slopes: Array) -> npt.NDArray[np.intp]:
+def _pivots(slopes: Array) -> Integers:
     """Choose the joints (m, c) to solve for: columns (m, c, n), each far from those before."""
     left, chosen = slopes.copy(), []
     for _ in range(slopes.shape[1]):

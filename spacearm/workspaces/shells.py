@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from spacearm.arrays import Array, named
 from spacearm.errors import UnsupportedError
@@ -47,8 +46,6 @@ BATCH = 4096
 NEGLIGIBLE = 1e-9
 
 SO = "without a singularity polynomial there are no shells, but sa.risk_profile takes every arm"
-
-Pairs = npt.NDArray[np.intp]
 
 
 class Shell(NamedTuple):

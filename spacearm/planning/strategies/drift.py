@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.batch import evaluate
@@ -31,7 +31,6 @@ from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes, goal_rows
 from spacearm.planning.account import Attempts, SearchAccount
 from spacearm.planning.many_curves import (
-    Indices,
     drifting_attitudes,
     inverse_kinematics,
     spacecraft_turns,
@@ -446,7 +445,7 @@ def ramp_ends(
     lower, upper = (np.clip(b, q0 - reach, q0 + reach) for b in (target.lower, target.upper))
     nodes = (np.arange(INTERVALS)[:, None] + GAUSS).ravel() / INTERVALS
 
-    def attitudes(Q: Array, _: Indices) -> Array:
+    def attitudes(Q: Array, _: Integers) -> Array:
         way = (Q - q0)[:, None]
         rates = np.broadcast_to(way, (len(Q), len(nodes), arm.n))
         line = spacecraft_turns(arm, q0 + nodes[:, None] * way, rates)

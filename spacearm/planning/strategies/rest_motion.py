@@ -13,11 +13,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
-import numpy.typing as npt
 from numpy.polynomial import Chebyshev, Polynomial
 from scipy.optimize import linprog
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Booleans
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import placed
 from spacearm.model.arm import Configuration, SpaceArm
@@ -353,7 +352,7 @@ class Landing:
         return np.tile(np.repeat((1.0, self._scale), (self._n, w)), 1 + WAVES)
 
     @cached_property
-    def _free(self) -> npt.NDArray[np.bool_]:
+    def _free(self) -> Booleans:
         """(size,) whether a height may change; the joints' ramps do not where they have a goal."""
         free = np.ones((1 + WAVES, len(self._units) // (1 + WAVES)), dtype=bool)
         free[0, : self._n] = self.target.q is None
