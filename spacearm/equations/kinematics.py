@@ -15,6 +15,7 @@ equation (35) of Papadopoulos & Dubowsky (1993), DOI 10.1115/1.2897406. The test
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -121,6 +122,8 @@ Z = np.array([0.0, 0.0, 1.0])
 ROWS, COLUMNS = np.triu_indices(3)
 #: Which of them stands where.
 SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+#: Take [force; torque] to [torque; force], which change with a motion as [linear; angular] do.
+TWIST = np.array([3, 4, 5, 0, 1, 2])
 
 
 class Posture(NamedTuple):
@@ -139,6 +142,7 @@ class Posture(NamedTuple):
         P: (N, 6) momentum of what the joints carry, per unit rate.
         rotations: (N + 1, 3, 3) attitudes of the bodies' frames.
         origins: (N + 1, 3) these frames from the system CM [m].
+        carried: Masses (N, 1), first moments (N, 3) and inertias (N, 3, 3) that the joints carry.
     """
 
     M: Any
@@ -153,6 +157,7 @@ class Posture(NamedTuple):
     P: Any
     rotations: Any
     origins: Any
+    carried: tuple[Any, Any, Any]
 
 
 def posture(xp: Any, tree: Structure, p: Parameters, q: Any) -> Posture:
@@ -175,10 +180,11 @@ def posture(xp: Any, tree: Structure, p: Parameters, q: Any) -> Posture:
     v, w = tree.slide * u + turn * xp.cross(arm, u), turn * u
     s = xp.concatenate([v, w], axis=1)
     m, moment, I = (gathered(xp, tree, values) for values in (masses, moments, whole))
-    P = momenta(xp, m[1:], moment[1:], I[1:, SYMMETRIC], s)
+    carried = m[1:], moment[1:], I[1:, SYMMETRIC]
+    P = momenta(xp, *carried, s)
     return Posture(
         M, r_cm, tips, R[body] @ (own[body] @ p.tip_rotations), masses, x,
-        inertias[:, SYMMETRIC], I[0, SYMMETRIC], s, P, R @ own, a - r_cm,
+        inertias[:, SYMMETRIC], I[0, SYMMETRIC], s, P, R @ own, a - r_cm, carried,
     )  # fmt: skip
 
 
@@ -305,15 +311,50 @@ def response(xp: Any, tree: Structure, at: Posture) -> Any:
     return base_twist(xp, tree, at, -at.P.T)
 
 
-def tip_twist(xp: Any, tree: Structure, at: Posture, dq: Any) -> Any:
-    """Compute J* dq (6 tips,) of a posture, without J*."""
-    rates = tree.gains @ dq
-    own = base_twist(xp, tree, at, -(rates @ at.P)[:, None])[:, 0]
-    blocks = []
-    for tip in range(len(tree.tips)):
-        moved = own + (tree.reaches[tip] * rates) @ at.s
-        blocks += [moved[:3] + xp.cross(moved[3:], at.tip_positions[tip]), moved[3:]]
-    return xp.concatenate(blocks)
+def slopes(xp: Any, tree: Structure, at: Posture, force: Any, ways: Iterable[Any]) -> list[Any]:
+    """Compute the gradients (n,) of force . J* dq by the joints, for several dq.
+
+    With the spacecraft's twist v_b = -A_b^-1 A_q dq and y = A_b^-1 J_b^T force each is that of
+    force . (J_b v_b + J_q dq) - y . (A_b v_b + A_q dq), in which v_b and y count as constant, and
+    a joint turns all that it carries as one body.
+
+    Args:
+        xp: The array library.
+        tree: The structure of the arm.
+        at: The posture.
+        force: (6 tips,) forces and torques at the tips.
+        ways: (n,) the dq.
+    """
+    s, r, f = at.s, at.tip_positions, force.reshape(-1, 6)
+    linear, angular = f[:, :3], f[:, 3:]
+    wrenches = xp.concatenate([linear, angular + xp.cross(r, linear)], axis=1)
+    y = base_twist(xp, tree, at, wrenches.sum(axis=0)[:, None])[:, 0]
+    turned = _across(xp, s, y[None])
+    beside = tree.reaches.T @ wrenches - momenta(xp, *at.carried, y[None])
+    own = momenta(xp, *at.carried, turned) + _across(xp, s, beside[:, TWIST])[:, TWIST]
+    found = []
+    for way in ways:
+        rates = (tree.gains @ way)[:, None]
+        twists = [base_twist(xp, tree, at, -(rates * at.P).sum(axis=0)[:, None])[:, 0]]
+        for i, inner in enumerate(tree.parents[1:]):
+            twists.append(twists[inner] + rates[i] * s[i])
+        below = [np.zeros(6)] * len(twists)
+        for i in range(len(s), 0, -1):
+            inner = tree.parents[i]
+            below[inner] = below[inner] + (below[i] + rates[i - 1] * at.P[i - 1])
+        tips = xp.stack([twists[body] for body in tree.tips])
+        v, w = tips[:, :3] + xp.cross(tips[:, 3:], r), tips[:, 3:]
+        lever = tree.reaches.T @ (xp.cross(linear, v) + xp.cross(angular, w))
+        parts = xp.stack(twists[1:]) * own + turned * xp.stack(below[1:])
+        found.append(tree.gains.T @ (parts.sum(axis=1) - (s[:, 3:] * lever).sum(axis=1)))
+    return found
+
+
+def _across(xp: Any, s: Any, x: Any) -> Any:
+    """Return how twists x (m, 6) change as bodies move by twists s (m, 6)."""
+    v, w = s[:, :3], s[:, 3:]
+    linear = xp.cross(w, x[:, :3]) + xp.cross(v, x[:, 3:])
+    return xp.concatenate([linear, xp.cross(w, x[:, 3:])], axis=1)
 
 
 def task_jacobian(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:

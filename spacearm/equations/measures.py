@@ -151,10 +151,6 @@ NOTHING = 1e-12
 #: sigma_min mix.
 ROUNDED = 1e-9
 
-#: Null vectors up to which derivatives are written out for each, which runs faster but takes longer
-#: to compile.
-INLINE = 1
-
 
 def distance(
     xp: Any, tree: Structure, p: Parameters, q: Any, fading: Any, radians: Any
@@ -173,25 +169,13 @@ def distance(
         The distance [rad], inf where nothing leads to the set; sigma_min of J* per radian; (r, n)
         rows that span the normal space of the set, per radian, of which the first leads away.
     """
-    task = np.array(tree.rows)
-    J = kinematics.task_jacobian(xp, tree, p, q) * radians
+    at = kinematics.posture(xp, tree, p, q)
+    J = kinematics.task_jacobian_at(xp, tree, at) * radians
     norm = xp.sqrt((J * J).sum())
     least = least_with_vectors(xp, J)
-    force = xp.hold(least.u * tree.scale[:, 0])
-
-    def slope(q: Any, force: Any, rates: Any) -> Any:
-        def power(q: Any) -> Any:
-            return (
-                force
-                @ kinematics.tip_twist(xp, tree, kinematics.posture(xp, tree, p, q), rates)[task]
-            )
-
-        return xp.gradient(power, q)
-
-    if len(least.null) > INLINE:
-        slope = xp.procedure(slope)
-    ways = (xp.hold(way * radians) for way in (least.v, *least.null))
-    slopes = [slope(q, force, rates) * radians for rates in ways]
+    force = least.u * tree.scale[:, 0] @ np.eye(6 * len(tree.tips))[list(tree.rows)]
+    ways = (way * radians for way in (least.v, *least.null))
+    slopes = [slope * radians for slope in kinematics.slopes(xp, tree, at, force, ways)]
     return way_out(xp, slopes, norm, least.sigma, fading)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.arms import chains, load_text, one_to_eight, random_tree, seeds, trees
+from helpers.arms import chains, load_text, one_to_eight, random_tree, seeds
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
@@ -31,16 +31,6 @@ def test_the_jacobian_is_that_of_the_barycentric_route(cfg):
     R = cfg.base.rotation
     wanted = np.kron(np.eye(2), R.T) @ sa.barycentric(cfg).generalized_jacobian()
     np.testing.assert_allclose(J, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
-
-
-@given(trees(), st.sampled_from(MODES), seeds)
-def test_the_twist_of_the_tip_is_that_of_the_jacobian(cfg, mode, seed):
-    dq = np.random.default_rng(seed).normal(size=cfg.arm.n)
-    tree, p = of(cfg, mode)
-    found = kinematics.tip_twist(numbers, tree, posture(numbers, tree, p, cfg.q), dq)
-    wanted = sa.generalized_jacobian(cfg.arm.at(cfg.q), mode=mode)
-    size = np.abs(wanted).max() * np.abs(dq).max()
-    np.testing.assert_allclose(found, wanted @ dq, rtol=0, atol=1e-12 * size)
 
 
 @given(seeds, one_to_eight, st.sampled_from(("pose", "position", "x y")), st.sampled_from(MODES))
@@ -77,20 +67,23 @@ def test_the_way_out_is_the_gradient_of_sigma_min(name):
         assert far == pytest.approx(sigma / np.linalg.norm(g), rel=1e-7)
 
 
-@given(trees(), st.sampled_from(MODES), seeds)
-def test_both_libraries_take_the_same_gradients(cfg, mode, seed):
-    dq, F = np.random.default_rng(seed).normal(size=(2, 8))
-    arm, twist = cfg.arm, kinematics.tip_twist
+@given(seeds, st.integers(2, 6), st.integers(1, 2), st.sampled_from(MODES))
+def test_slopes_are_the_gradients_that_both_libraries_take(seed, n, tips, mode):
+    links = [f"link_{n - i}" for i in range(tips)]
+    arm = load_text(random_tree(seed, n), tip=links, task=sa.Task("pose", 1.0), joints="all")
+    rng = np.random.default_rng(seed)
+    (q, dq), h = rng.normal(size=(2, arm.n)), rng.normal(size=6 * tips)
 
     def power(xp, tree, p, q):
-        def along(q):
-            return F[:6] @ twist(xp, tree, posture(xp, tree, p, q), dq[: arm.n])
+        return xp.gradient(lambda q: h @ kinematics.jacobian(xp, tree, p, q) @ dq, q)
 
-        return xp.gradient(along, q)
-
-    kernel = ArmKernel([arm], mode, power)
-    found, wanted = kernel({"q": cfg.q[None]})[0], power(numbers, *of(cfg, mode), cfg.q)
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-11 * (np.abs(wanted).max() + 1.0))
+    tree, p = of(arm.at(q), mode)
+    found = ArmKernel([arm], mode, power)({"q": q[None]})[0]
+    (wanted,) = kinematics.slopes(numbers, tree, posture(numbers, tree, p, q), h, [dq])
+    for gradient in (found, power(numbers, tree, p, q)):
+        np.testing.assert_allclose(
+            gradient, wanted, rtol=0, atol=1e-11 * (np.abs(wanted).max() + 1.0)
+        )
 
 
 @given(seeds, st.integers(3, 8), st.sampled_from(("pose", "position")))
