@@ -1,6 +1,7 @@
 """Random teleoperation by three servos: how near the singular set they come, and what they do.
 
     python benchmarks/servo.py [RUNS] [ARM...]
+    python benchmarks/servo.py times [ARM...]
 
 Each run is 60 s of smooth random twists in steps of 10 ms, from a random posture more than 15
 degrees away from the set. All three scale their rates to the same limits.
@@ -18,13 +19,22 @@ the runs; there `NearestSearch` looks each second, too, for what the servo tells
 
 The search along the runs: five times a second from random starts within 15 degrees, by Barzilai and
 Borwein's steps, then from each step along the set from what was found beside it.
+
+`times` prints the processor time of a step of one run on one core, the least and the median, in
+Python and in the C of `sa.to_c` (gcc -O2), and the most operations that a step in C may take.
 """
 
 from __future__ import annotations
 
+import ctypes
 import os
+import re
+import subprocess
 import sys
+import tempfile
+import time
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 
 import numpy as np
 
@@ -46,6 +56,31 @@ OTHERS, TOGETHER = 8, 250
 """Runs of the other two, and those that fly side by side."""
 SLOWED, HALTED = 17.0, 30.0
 DAMPED = sa.DampedLeastSquares(target=(0.0,))
+DRIVER = """
+#include <time.h>
+#include "NAME.h"
+void fly(int m, int n, int size, const double *twists, double *q, double *seconds);
+void fly(int m, int n, int size, const double *twists, double *q, double *seconds)
+{
+    NAME_servo_memory memory;
+    NAME_servo_seen seen = {0};
+    NAME_servo_tick tick;
+    struct timespec before, after;
+    int i, j;
+    NAME_servo_begin(q, &memory);
+    seen.quaternion[3] = 1.0;
+    seen.dt = DT;
+    for (i = 0; i < m; i++) {
+        for (j = 0; j < n; j++) seen.q[j] = q[j];
+        for (j = 0; j < size; j++) seen.twist[j] = twists[i * size + j];
+        clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &before);
+        NAME_servo_step(&seen, &NAME_servo_nominal, &memory, &tick);
+        clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &after);
+        seconds[i] = after.tv_sec - before.tv_sec + 1e-9 * (after.tv_nsec - before.tv_nsec);
+        for (j = 0; j < n; j++) q[j] += DT * tick.rates[j];
+    }
+}
+"""
 
 
 def wishes(arm: sa.SpaceArm, Q: np.ndarray, seed: int) -> np.ndarray:
@@ -253,7 +288,43 @@ def batch(name: str, first: int, runs: int) -> tuple[np.ndarray, np.ndarray, lis
     return np.array([flight.done, flight.asked, off, (told > slow).sum()]), np.array(most), others
 
 
+def times(name: str) -> None:
+    """Print what a step of one run takes, in Python and in C."""
+    arm = sa.load(name)
+    led = Led(arm)
+    servo, (Q, _) = led.servo, led.starts(1, 0)
+    twists, q = wishes(arm, Q, 0)[:, 0], Q[0]
+    servo.memory = ticks.unknowing(arm.n, q)
+    python, c = [], np.empty(len(twists))
+    for twist in twists:
+        begun = time.process_time()
+        step = servo.step((q, [0, 0, 0, 1]), twist, DT)
+        python.append(time.process_time() - begun)
+        q = q + DT * step.rates
+    with tempfile.TemporaryDirectory() as folder:
+        header, source = sa.to_c(arm, folder, servo=servo)
+        driver, library = Path(folder, "driver.c"), Path(folder, "servo.so")
+        text = DRIVER.replace("NAME", header.stem).replace("DT", str(DT))
+        driver.write_text(text, encoding="utf-8")
+        flags = ["-std=c99", "-D_POSIX_C_SOURCE=199309L", "-O2", "-shared", "-fPIC"]
+        subprocess.run(["gcc", *flags, source, driver, "-o", library, "-lm"], check=True)
+        array = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
+        fly = ctypes.CDLL(str(library)).fly
+        fly.argtypes, fly.restype = [*[ctypes.c_int] * 3, *[array] * 3], None
+        fly(*twists.shape[:1], arm.n, twists.shape[1], twists, Q[0], c)
+        most = re.search(r"At most ([\d,]+) operations", header.read_text(encoding="utf-8"))[1]
+    microseconds = (1e6 * f(x) for x in (python, c) for f in (np.min, np.median))
+    words = "".join(f"{us:10.1f}" for us in microseconds)
+    print(f"{name:14}{arm.n:6}{words}{most:>12}", flush=True)
+
+
 if __name__ == "__main__":
+    if sys.argv[1:2] == ["times"]:
+        print(f"{'us':14}{'joints':>6}{'Python':>10}{'median':>10}{'C':>10}{'median':>10}"
+              f"{'operations':>12}")  # fmt: skip
+        for name in sys.argv[2:] or ARMS:
+            times(name)
+        sys.exit()
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     print(
         f"{'':14}{'servo':>6}{'nearest':>9}{'excess':>8}{'off':>9}{'too far':>8}{'':>7}"

@@ -27,7 +27,8 @@ two ways would have become least: Barzilai & Borwein, IMA J. Numer. Anal. 8(1), 
 
 from __future__ import annotations
 
-from math import sqrt
+from functools import lru_cache
+from math import prod, sqrt
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -208,6 +209,7 @@ class Followed(NamedTuple):
     normal: Any
 
 
+@lru_cache
 def shapes(kind: Any, n: int, tips: int) -> dict[str, tuple[int, ...]]:
     """Return the shapes of the fields of `Seen`, `Limits`, `Memory` or `Tick`."""
     numbers = ("dt", "stop", "slow", "tau", "wheels", "longest", "fading", "count", "distance",
@@ -221,7 +223,7 @@ def shapes(kind: Any, n: int, tips: int) -> dict[str, tuple[int, ...]]:
 
 def size(kind: Any, n: int, tips: int) -> int:
     """Return how many numbers such a tuple holds."""
-    return sum(int(np.prod(shape)) for shape in shapes(kind, n, tips).values())
+    return sum(map(prod, shapes(kind, n, tips).values()))
 
 
 def packed(values: Any, xp: Any = np) -> Any:
@@ -233,7 +235,7 @@ def unpacked(kind: Any, values: Any, n: int, tips: int) -> Any:
     """Return a tuple of what `packed` joined."""
     found, begin = [], 0
     for shape in shapes(kind, n, tips).values():
-        size = int(np.prod(shape))
+        size = prod(shape)
         found.append(values[begin : begin + size].reshape(shape) if shape else values[begin])
         begin += size
     return kind(*found)
