@@ -27,8 +27,9 @@ Progress: TypeAlias = Callable[[int, int], object]
 #: Largest length, mass, inertia or joint position that is accepted, in SI units: larger ones are
 #: mistakes and would overflow.
 LARGEST = 1e12
-#: What conversions to an array raise: RuntimeError is that of tensors that want a gradient.
-NO_NUMBERS = (TypeError, ValueError, RuntimeError)
+#: What conversions to an array raise: RuntimeError is that of tensors that want a gradient,
+#: OverflowError that of whole numbers beyond all floats.
+NO_NUMBERS = (TypeError, ValueError, RuntimeError, OverflowError)
 #: Least mass of a body [kg]: Pinocchio divides by masses.
 LEAST_MASS = 1e-12
 

@@ -294,7 +294,8 @@ def step(
     real = xp.logical_and(dt > 0.0, dt <= limits.longest)
     tick = xp.where(real, dt, memory.dt)
     began = memory.count >= 0.0
-    reach = 2.0 * limits.rate * tick + JITTER
+    q = xp.where(small[0], q, before)
+    reach = 2.0 * limits.rate * xp.maximum(tick, memory.dt) + JITTER
     moved = xp.absolute(q - before) / radians
     still = _extreme(xp.logical_and, moved <= reach)
     jumps = xp.logical_and(began, xp.logical_not(still))
@@ -303,7 +304,6 @@ def step(
     halt = 0.0
     for number, right in reversed([*enumerate(sound, 1)]):
         halt = xp.where(right, halt, 1.0 * number)
-    q = xp.where(small[0], q, before)
     quaternion = xp.where(sound[1], quaternion, np.array([0.0, 0.0, 0.0, 1.0]))
     twist, momentum = xp.where(small[2], twist, 0.0), xp.where(small[3], momentum, 0.0)
 

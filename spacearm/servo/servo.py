@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, ArrayLike, plain, positive, shape_of
+from spacearm.arrays import NO_NUMBERS, Array, ArrayLike, plain, positive, shape_of
 from spacearm.equations import servo as ticks
 from spacearm.equations.servo import Frame, Limits, Memory, Seen, Tick, packed, unpacked
 from spacearm.errors import ConfigurationError, UnsupportedError, listed, require_known
@@ -262,7 +262,7 @@ class Servo:
             v[list(rows)] = _numbers(twist, (len(rows),), "twist")
         else:
             v = _numbers(twist, (6 * tips,), "twist")
-        return Seen(q, turn, v, float(dt), momentum)
+        return Seen(q, turn, v, _numbers(dt, (), "dt"), momentum)
 
     def start(self, posture: Posture, *, prove: bool = False) -> None:
         """Begin at rest at a posture: search the singular postures about it.
@@ -358,7 +358,7 @@ def _limits(arm: SpaceArm, values: ArrayLike, name: str) -> Array:
     """Return the largest rates or accelerations (n,), checked."""
     try:
         found = np.broadcast_to(np.asarray(values, dtype=float), (arm.n,))
-    except (TypeError, ValueError):
+    except NO_NUMBERS:
         found = np.zeros(0)
     if found.shape != (arm.n,) or not (found > 0.0).all():
         raise ConfigurationError(
@@ -379,12 +379,11 @@ def _numbers(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
     """Return numbers of a shape, finite or not."""
     try:
         found = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
+    except NO_NUMBERS:
         found = np.empty(0)
     if found.shape != shape:
-        raise ConfigurationError(
-            f"{name} is {shown(values, 60)}; give {' x '.join(map(str, shape))} numbers"
-        )
+        wanted = f"{' x '.join(map(str, shape))} numbers" if shape else "a number"
+        raise ConfigurationError(f"{name} is {shown(values, 60)}; give {wanted}")
     return found
 
 
@@ -393,10 +392,10 @@ def _quaternion(base: PoseLike) -> Array:
     if isinstance(base, pin.SE3):
         R = base.rotation
     else:
-        values = np.asarray(base, dtype=float)
-        if values.shape in ((4,), (7,)):
-            return values[-4:]
-        R = _numbers(values, (4, 4), "base")[:3, :3]
-    if not np.abs(R.T @ R - np.eye(3)).max() <= ticks.UNIT_LENGTH:
+        shape = shape_of(base)
+        if shape in ((4,), (7,)):
+            return _numbers(base, shape, "base")[-4:]
+        R = _numbers(base, (4, 4), "base")[:3, :3]
+    if not np.abs(R.T @ R - np.linalg.det(R) * np.eye(3)).max() <= ticks.UNIT_LENGTH:
         return np.full(4, np.nan)
     return np.asarray(pin.Quaternion(R).normalized().coeffs())
