@@ -274,6 +274,14 @@ def test_density_of_meshes(open_mesh, tmp_path):
     assert np.allclose(body.inertia, np.diag([0.13, 0.10, 0.05]) / 2, rtol=1e-5)
 
 
+def test_a_mass_of_next_to_nothing_is_none():
+    tool = link("tool", 4.2e-15), joint("mounted", "arm", "tool", kind="fixed")
+    with pytest.warns(sa.ModelWarning, match=r"'tool' \(line 6\) is 4.2e-15 kg: taken for no mass"):
+        arm = load_text(robot(*two_links(), *tool))
+    assert arm.tip == "tool"
+    assert arm.mass == pytest.approx(51.0, rel=1e-12)
+
+
 def test_density_of_nothing():
     missing = shaped('<mesh filename="nowhere.stl"/>').replace("arm", "tool")
     text = robot(BUS, ARM, ELBOW, missing, joint("end", "arm", "tool", "fixed"))

@@ -377,7 +377,10 @@ BAD = {
     "five numbers": (sdf(model(BUS, link("arm", pose="1 2 3 4 5"), ELBOW)), "6 finite numbers"),
     "words": (sdf(model(BUS, link("arm", pose="a 0 0 0 0 0"), ELBOW)), "6 finite numbers"),
     "NaN in a mass": (sdf(model(link("bus", "nan"), ARM, ELBOW)), "<mass>='nan'; give a finite"),
-    "a negative mass": (sdf(model(BUS, link("arm", -1.0), ELBOW)), "'arm' is -1 kg; give at least"),
+    "a negative mass": (
+        sdf(model(BUS, link("arm", -1.0), ELBOW)),
+        "'arm' is -1 kg; give a positive",
+    ),
     "a zero axis": (sdf(model(BUS, ARM, joint("elbow", "bus", "arm", xyz="0 0 0"))), "a zero axis"),
     "reversed limits": (
         sdf(model(BUS, ARM, ELBOW.replace(">-1<", ">9<"))),

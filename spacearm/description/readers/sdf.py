@@ -273,8 +273,11 @@ def inertial(source: Source, link: etree._Element) -> Inertial | None:
         source.warn(f"link {name!r} has no <inertial>: 1 kg and 1 kg m^2, SDFormat's default")
         return Inertial(1.0, pin.SE3.Identity(), np.eye(3))
     mass = vector(source, element, "mass", "1").item()
-    if mass < 0.0 or 0.0 < mass < LEAST_MASS:
-        source.fail(f"the <mass> of link {name!r} is {mass:g} kg", f"give at least {LEAST_MASS:g}")
+    if mass < 0.0:
+        source.fail(f"the <mass> of link {name!r} is {mass:g} kg", "give a positive mass")
+    if 0.0 < mass < LEAST_MASS:
+        source.warn(f"the <mass> of link {name!r} is {mass:g} kg: taken for no mass")
+        return None
     given = source.child(element, "inertia")
     I = np.eye(3)
     if given is not None:

@@ -132,8 +132,11 @@ def _inertial(source: Source, link: etree._Element) -> Inertial | None:
         missing = "mass" if mass is None else "inertia"
         source.fail(f"{describe(element)} has no <{missing}>", f"add <{missing} .../>")
     m = source.number(mass, "value")
-    if m < 0.0 or 0.0 < m < LEAST_MASS:
-        source.fail(f"{describe(mass)} is {m:g} kg", f"give a mass of at least {LEAST_MASS:g} kg")
+    if m < 0.0:
+        source.fail(f"{describe(mass)} is {m:g} kg", "give a positive mass")
+    if 0.0 < m < LEAST_MASS:
+        source.warn(f"{describe(mass)} is {m:g} kg: taken for no mass")
+        return None
     products = ("ixy", "ixz", "iyz")
     none = "0" if not any(name in inertia.attrib for name in products) else None
     xy, xz, yz = (source.number(inertia, name, none) for name in products)
