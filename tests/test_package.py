@@ -87,19 +87,23 @@ BUILT = [ROOT / "docs" / name for name in ("api", "generated", "generated/exampl
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 
 
-def blocks(language):
-    """The code blocks of README and of all pages in docs/."""
-    texts = (page.read_text(encoding="utf-8") for page in PAGES)
+def blocks(language, *pages):
+    """The code blocks of some pages, of README and of all in docs/ if none is given."""
+    texts = (page.read_text(encoding="utf-8") for page in pages or PAGES)
     found = (re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL) for text in texts)
     return [block for blocks in found for block in blocks]
 
 
+WITH_PYTHON = [page for page in PAGES if blocks("python", page)]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(len(blocks("python"))))
-def test_python_in_the_readme_runs(number, tmp_path):
-    if "sa.sweep(" in blocks("python")[number]:
+@pytest.mark.parametrize("page", WITH_PYTHON, ids=lambda page: page.stem)
+def test_python_of_a_page_runs_from_top_to_bottom(page, tmp_path):
+    text = "\n".join(blocks("python", page))
+    if "sa.sweep(" in text:
         pytest.importorskip("zarr")  # which needs Python 3.11
-    python(sys.executable, "-W", "error", "-c", blocks("python")[number], cwd=tmp_path)
+    python(sys.executable, "-W", "error", "-c", text, cwd=tmp_path)
 
 
 def test_commands_in_the_readme_exist():
