@@ -1,10 +1,11 @@
 """Catching: how many random targets with a known catch are caught, in what time, and how exactly.
 
 The known catch is drawn first: a straight joint motion to a random posture, where the tip is at the
-stand-off of a tumbling target; the target is what it must be then, its motion run backwards. Those
-are kept whose approach from there keeps the limits and meets nothing. `sa.catch` is given the
-target and a window alone, and its catch is replayed by what it shares nothing with: joint splines,
-Pinocchio's momentum matrices and DOP853 for the spacecraft, and for the target Euler's equations.
+stand-off of a tumbling target; the target is what it must be then, its motion run backwards. Kept
+are those that meet nothing from time 0 on, and whose approach from there keeps the limits.
+`sa.catch` is given the target and a window alone, and its catch is replayed by what shares nothing
+with it: joint splines, Pinocchio's momentum matrices and DOP853 for the spacecraft, and for the
+target Euler's equations.
 
     python benchmarks/catching.py [targets of each arm] [arm ...]
 """
@@ -58,14 +59,11 @@ def known(start: sa.Configuration, rng: np.random.Generator) -> sa.Target | None
     around = sa.Obstacle.of_target(target, begin=begin, may_touch=tip)
     if sa.collision_check(still(there), obstacles=around).contact:
         return None
-    around = sa.Obstacle.of_target(target, begin=begin - lasts, may_touch=tip)
-    way = sa.Motion(
-        arm,
-        np.linspace(0.0, lasts, 41),
-        Q := start.q + np.linspace(0.0, 1.0, 41)[:, None] * (q - start.q),
-        [pin.SE3ToXYZQUAT(sa.move(start, x).base) for x in Q],
-    )
-    if sa.collision_check(way, obstacles=around).contact:
+    Q = start.q + np.linspace(0.0, 1.0, 41)[:, None] * (q - start.q)
+    Q = np.vstack((start.q, Q))  # at rest until it begins
+    T = [pin.SE3ToXYZQUAT(sa.move(start, x).base) for x in Q]
+    way = sa.Motion(arm, np.append(0.0, begin - lasts + np.linspace(0.0, lasts, 41)), Q, T)
+    if sa.collision_check(way, obstacles=sa.Obstacle.of_target(target, may_touch=tip)).contact:
         return None
     join = close = APPROACH / CLOSING
     clock = np.linspace(0.0, join + close, 161)[1:]

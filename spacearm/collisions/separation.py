@@ -394,7 +394,9 @@ def contacts_of(
     )
 
 
-def contact_on(thing: Motion, obstacles: ObstacleLike | Sequence[ObstacleLike]) -> Contact | None:
+def contact_on(
+    thing: Configuration | Motion, obstacles: ObstacleLike | Sequence[ObstacleLike]
+) -> Contact | None:
     """Return a contact on a motion as `collision_check` does, without distances at its samples."""
     motion, bodies = _moving(thing, obstacles, ())
     return bodies.contact(motion)

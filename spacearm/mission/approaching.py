@@ -32,7 +32,7 @@ from spacearm.mechanics.dynamics import generalized_velocity, momentum_and_torqu
 from spacearm.mechanics.floating import STEP, attitudes, placed, reactions, walk
 from spacearm.mechanics.target import Target
 from spacearm.mission.braking import braked, largest_torques
-from spacearm.mission.catch_report import Catch, grasp_of, in_hand, joined
+from spacearm.mission.catch_report import Catch, grasp_of, in_hand
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.motion.following import Followed, follow
@@ -355,6 +355,7 @@ class Approach:
             raise NoSolutionError(f"on the way from the stand-off: {chase.reason}")
         most = self.constraints.joint_rates(self.start.arm)
         self._check_loads("rate", np.abs(chase.dq).max(axis=0), most)
+        self._check_contacts(chase, t)
         wheels, load = self.wheels, ""
         if wheels is not None:
             chase, load = self._borne(chase, wheels)
@@ -374,7 +375,6 @@ class Approach:
             raise NoSolutionError(f"with {target.name} in the hand, {error}") from None
         torque = np.maximum(largest_torques(chase), np.abs(brake.torque).max(axis=0))
         self._check_loads("torque", torque, self.efforts)
-        self._check_contacts(joined(begin, reach, chase))
         proven = self._proven(reach, chase)
         off = end.tip.actInv(frame.pose)
         return Catch(
@@ -401,9 +401,9 @@ class Approach:
         start, constraints = self.start, self.constraints
         return PlanRequest.of(start, goal, "spacecraft", constraints, search, (), None, None)
 
-    def _straight(self, goal: Joints, t: float, search: Search) -> Plan:
-        """Return the plan of a straight joint motion, no faster than the approach if t allows."""
-        way, lasts = np.asarray(goal.q) - self.start.q, min(t, self.duration[0])
+    def _straight(self, goal: Joints, lasts: float, search: Search) -> Plan:
+        """Return the plan of a straight joint motion that lasts so long [s], longer if it must."""
+        way = np.asarray(goal.q) - self.start.q
         u = np.linspace(0.0, 1.0, 1 + max(1, math.ceil(np.abs(way).max() / STEP)))
 
         def floating(request: PlanRequest) -> Plan:
@@ -418,23 +418,54 @@ class Approach:
         """Return the plan to the stand-off, until a time; it minds the target if it has to."""
         if self.moving:
             return self._planned_among(goal, t, t, search)
-        straight = isinstance(goal, Joints)
-        if straight:
-            reach = self._straight(goal, t, search)
-        else:
-            reach = plan(
-                self.start, goal, mode=self.mode, constraints=self.constraints, search=search
-            )
-        if (late := float(reach.t[-1]) - t) > 0.0:
+        if isinstance(goal, Joints):
+            for lasts in (min(t, self.duration[0]), t):  # as late as may be, then from time 0 on
+                reach = self._in_time(self._straight(goal, lasts, search), t)
+                if not self._met(reach, t):
+                    return reach
+            raise NoSolutionError("the straight way to the stand-off meets the target")
+        reach = plan(self.start, goal, mode=self.mode, constraints=self.constraints, search=search)
+        if not self._met(self._in_time(reach, t), t):
+            return reach
+        lasts = min(t, 1.5 * float(reach.t[-1]))
+        return self._planned_among(goal, t, lasts if t - lasts <= self.rests_until else t, search)
+
+    def _in_time(self, reach: Plan, t: float) -> Plan:
+        """Return a plan, if it takes no longer than a time."""
+        if (late := float(reach.t[-1]) - t) > 1e-9 * t:  # not by rounding
             why = f" ({reach.wheel_load})" if reach.wheel_load else ""
             raise NoSolutionError(f"the way to the stand-off takes {late:.3g} s too long{why}")
-        duration = min(t, 1.5 * float(reach.t[-1]))
-        around = self._as_obstacle(t - float(reach.t[-1]))
-        if not self.constraints.collisions or not contact_on(reach, around):
-            return reach
-        if straight:
-            raise NoSolutionError("the straight way to the stand-off meets the target")
-        return self._planned_among(goal, t, duration, search)
+        return reach
+
+    def _met(self, reach: Plan, t: float) -> bool:
+        """Return whether the arm meets the target on a way that ends at a time, or before it."""
+        if not self.constraints.collisions:
+            return False
+        begin = t - float(reach.t[-1])
+        return begin > self.rests_until or contact_on(reach, self._as_obstacle(begin)) is not None
+
+    def check_start(self) -> None:
+        """Refuse a start at which the target is met at once."""
+        if self.constraints.collisions and (met := contact_on(self.start, self._as_obstacle(0.0))):
+            raise NoSolutionError(
+                f"at time 0 {met}; move the start or the target, or name links that may touch it "
+                "by touching=[...]"
+            )
+
+    @cached_property
+    def rests_until(self) -> float:
+        """Time [s] until which the target does not meet the arm at rest at the start."""
+        end = self.window[1] if self.constraints.collisions else 0.0
+        while end > 1e-3 * self.window[1]:
+            row = samples([self.start] * 2)
+            contact = contact_on(
+                Motion(self.start.arm, np.array([0.0, end]), row["q"], row["base"]),
+                self._as_obstacle(0.0),
+            )
+            if contact is None:
+                return end
+            end = 0.95 * contact.t
+        return 0.0
 
     def _planned_among(
         self, goal: pin.SE3 | Joints, t: float, duration: float, search: Search
@@ -498,12 +529,14 @@ class Approach:
             name = self.start.arm.joint_names[j]
             raise NoSolutionError(f"joint {name!r} would need {excess[j]:.3g} times its {what}")
 
-    def _check_contacts(self, motion: Motion) -> None:
+    def _check_contacts(self, chase: Motion, t: float) -> None:
+        """Refuse a motion to contact at a time on which the target is met."""
         if not self.constraints.collisions:
             return
-        contact = contact_on(motion, self._as_obstacle(0.0))
+        contact = contact_on(chase, self._as_obstacle(begin := t - float(chase.t[-1])))
         if contact is not None:
-            raise NoSolutionError(f"{' and '.join(contact.links)} meet after {contact.t:.4g} s")
+            meet = f"{' and '.join(contact.links)} meet after {begin + contact.t:.4g} s"
+            raise NoSolutionError(meet)
 
 
 def _between(a: pin.SE3, b: pin.SE3, s: float) -> pin.SE3:

@@ -99,6 +99,7 @@ def catch(
     request = Approach.of(
         start, target, grapple, window, approach, closing, touching, bears, constraints, mode
     )
+    request.check_start()
     begun = time.monotonic()
     ends = begun + search.timeout
     tried, found = dict[tuple[float, str], Candidate](), list[Catch]()

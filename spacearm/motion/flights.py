@@ -169,9 +169,9 @@ class Flight(Trajectory, kw_only=True):
             found.append((_turning(run[-1], run.dq[-1], run.mode), *most.tolist()))
         return found
 
-    def _wheels(self) -> list[str]:
+    def _left(self) -> list[str]:
         """Say what wheels hold at the end, and what is left."""
-        if not self.wheels.any():
+        if not (self.wheels.any() or self.captures):
             return []
         held = ", ".join(
             f"{wheel.name} {most:.4g}, at the end {end:.4g}"
@@ -182,7 +182,7 @@ class Flight(Trajectory, kw_only=True):
         end = self.phases[-1]
         left, turns = np.linalg.norm(self.left_over), _turning(end[-1], end.dq[-1], end.mode)
         return [
-            f"wheels hold at most [N m s]: {held}",
+            *[f"wheels hold at most [N m s]: {held}"] * bool(held),
             f"{left:.3g} N m s are left, and the spacecraft turns at {turns:.3g} rad/s",
         ]
 
@@ -208,7 +208,7 @@ class Flight(Trajectory, kw_only=True):
         return Description(
             title=arm.name,
             verdict=f"{len(self.phases)} phases, {end:.6g} s, ended by {self.ended}",
-            notes=self._wheels(),
+            notes=self._left(),
             tables=[Table(columns, rows)],
             events=events_table(arm, self.events),
         )

@@ -80,6 +80,35 @@ def test_a_rehearsed_approach_is_about_the_one_that_is_led(caught):
     assert share[0] == pytest.approx((np.abs(caught.chase.dq) / rates).max(), rel=0.2)
 
 
+def test_an_arm_that_cannot_wait_begins_at_once():
+    """A target that comes through the elbow later on: the way to the stand-off lasts all the time.
+
+    A late way would do without it; and a start where the target is at once is refused.
+    """
+    start = sa.load("chaser7").at(START)
+    elbow = sa.Bus(10.0, size=(0.3, 0.3, 0.3), name="debris")
+    place, goal = np.array([3.2, -0.1, 1.0]), sa.Joints([1.2, *START[1:]])
+    request = list[Approach]()
+    for begin in (10.0, 0.0, 1e4):
+        there = pin.SE3(np.eye(3), place + np.array([0.0, 0.15 * begin, 0.0]))
+        target = sa.Target(elbow, there, twist=(0, -0.15, 0, 0, 0, 0), grapples={"ring": RING})
+        request += [
+            Approach.of(
+                start, target, None, (10.0, 30.0), 0.2, 0.05, None, (np.inf, np.inf),
+                sa.Constraints(), "free-floating",
+            )
+        ]  # fmt: skip
+    through, at_once, never = request
+    assert 5.0 < through.rests_until < 10.0
+    reach = through._reach(goal, 20.0, STRAIGHT)
+    assert reach.t[-1] == pytest.approx(20.0)
+    assert not sa.collision_check(reach, obstacles=sa.Obstacle.of_target(through.target)).contact
+    assert never._reach(goal, 20.0, STRAIGHT).t[-1] < 5.0
+    through.check_start()
+    with pytest.raises(sa.NoSolutionError, match=r"at time 0 .*touching"):
+        at_once.check_start()
+
+
 @pytest.mark.slow
 def test_the_distance_proven_is_no_more_than_what_a_search_finds(caught):
     """No posture nearer to the way than proven is found by the search of singular postures."""
