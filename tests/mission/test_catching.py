@@ -356,7 +356,8 @@ def test_random_targets_before_the_hand_are_caught(seed):
 def test_a_method_is_that_of_the_ways_to_the_stand_off():
     """With "straight" no others are looked for."""
     start = sa.load("chaser7").at(START)
-    near = tumbling(start, off=(0.0, 0.0, -1.5))  # in the spacecraft
+    near = tumbling(start, off=(0.0, 0.0, -1.5), twist=(0, 0, 1, 0, 0, 0))  # in the spacecraft
+    near = near.replace(pose=near.at(-10.0).pose)  # after 10 s
     with pytest.raises(sa.NoSolutionError, match="straight way"):
         sa.catch(start, near, window=(10, 10), search=STRAIGHT)
 
