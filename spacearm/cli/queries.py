@@ -114,8 +114,9 @@ def check_path(
         proof = prove_regular(arm, Q, mode=mode, progress=progress)
         if proof is None:
             raise sa.UnsupportedError(
-                f"{arm.name}: J* of this arm has no minors that a proof could use, as with joints "
-                "that mimic others; spacearm query looks at single postures"
+                f"{arm.name}: J* has no minors of a size that a proof could use, and the proof "
+                "without them is for floating arms with one tip and no sliding joints; "
+                "spacearm query looks at single postures"
             )
         wanted = opt.radians(clearance, deg, 0.0)
         if proof and (wanted or way.shape[1] > 2):  # a plan is flown between its rows

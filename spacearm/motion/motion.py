@@ -248,7 +248,7 @@ class Motion(Result):
     def certificate(self) -> Certificate | None:
         """The proof that straight segments between the rows meet no singularity.
 
-        None where the minors of J* are no polynomials, as with mimic joints, or too large.
+        None where there is none for the arm, see `prove_regular`.
         """
         return prove_regular(self.arm, self.q, mode=self.mode)
 

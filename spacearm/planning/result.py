@@ -228,7 +228,7 @@ class Plan(Drifting, kw_only=True):
     def certificate(self) -> Certificate | None:
         """The proof that what is flown meets no singularity; its clearance is the largest proven.
 
-        None where the minors of J* are no polynomials, as with mimic joints, or too large.
+        None where there is none for the arm, see `prove_regular`.
         """
         proof = prove_regular(self.arm, self.q, mode=self.mode)
         if not proof:

@@ -31,6 +31,7 @@ from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import any_payload, immaterial_links, payload_note
 from spacearm.singularities.nearest import NearestSingular, most_boxes, nearest_singular
 from spacearm.singularities.polynomials import minors_of, proving_minors
+from spacearm.singularities.regularity import has_momenta, prove_by_momenta
 from spacearm.singularities.rounding import error_bars
 
 
@@ -42,14 +43,15 @@ def prove_free(
     limits: bool,
     progress: Progress | None = None,
 ) -> Certificate:
-    """Prove that a path meets no common root of minors.
+    """Prove that a path meets no common root of minors, or by momenta where there are none.
 
     Where all minors are rounding the arm is singular if its sigma_min is too; else it is undecided.
 
     Args:
         arm: The arm.
         mode: What the spacecraft does.
-        minors: Minors whose common roots hold the whole singular set.
+        minors: Minors whose common roots hold the whole singular set; none of an arm that
+            `has_momenta`.
         path: (m, n) joint positions, at least one.
         limits: Whether only what lies within the joint limits counts.
         progress: Called as progress(done, 1000), in thousandths of the path.
@@ -61,18 +63,21 @@ def prove_free(
         sigma = np.linalg.svd(task_jacobian(cfg, mode=mode), compute_uv=False)[-1]
         return bool(sigma <= error_bars(cfg, mode=mode).sigma)
 
-    decides = singular if len(minors) > 1 else None
+    def proof_of(ends: Array, told: Progress | None = None) -> Certificate:
+        if not minors:
+            return prove_by_momenta(arm, straight(ends), told)
+        return certify(minors, ends, singular if len(minors) > 1 else None, told)
+
     if not limits:
-        return certify(minors, rows, decides, progress)
-    margin = np.inf
+        return proof_of(rows, progress)
+    margin, noise = np.inf, 0.0
     for number, ends in _within(arm, rows):
         if progress:
             progress(WHOLE * number // len(rows), WHOLE)
-        proof = certify(minors, ends, decides)
+        proof = proof_of(ends)
         if not proof:
             return replace(proof, segment=number)
-        margin = min(margin, proof.margin)
-    noise = max(minor.noise() / minor.scale for minor in minors)
+        margin, noise = min(margin, proof.margin), max(noise, proof.noise)
     return Certificate(True, None, None, margin, "free", noise)
 
 
@@ -115,6 +120,8 @@ def prove_clear(
     if not (np.isfinite(at_least) and at_least >= 0.0):
         raise ConfigurationError(f"clearance is {at_least!r} rad; give a number from 0 on")
     minors = proving_minors(arm, mode)
+    if not (minors or at_least or limits) and has_momenta(arm, mode):
+        return prove_by_momenta(arm, way, progress)
     if not minors:
         raise UnsupportedError(
             f"{arm.name}: J* has no minors of a size that could prove a clearance; lock joints, or "
@@ -225,9 +232,10 @@ class Component(NamedTuple):
 class SingularSet(Described, ABC):
     """The configurations at which the task Jacobian of an arm is singular; see `singular_set`.
 
-    `sample` and `nearest` work for every arm, `is_free` and `clearance` unless joints mimic others.
-    The other methods raise `UnsupportedError` where the
-    set of this arm does not have what they return; the message says why.
+    `sample` and `nearest` work for every arm; `is_free` and `clearance` for all that float with one
+    tip and no sliding joint, and for others whose minors have not too many coefficients. The other
+    methods raise `UnsupportedError` where the set of this arm does not have what they return; the
+    message says why.
 
     Attributes:
         arm: The arm.
@@ -404,7 +412,12 @@ class SingularSet(Described, ABC):
 
     def _proof(self, path: ArrayLike, limits: bool, progress: Progress | None) -> Certificate:
         """Prove that a path meets no singularity."""
-        every = minors_of(self.arm, self.mode).every()
+        every: Sequence[Jets] = ()
+        try:
+            every = minors_of(self.arm, self.mode).every()
+        except UnsupportedError:  # too many coefficients, or mimic joints
+            if not has_momenta(self.arm, self.mode):
+                raise
         return prove_free(self.arm, self.mode, every, path, limits, progress)
 
     @abstractmethod

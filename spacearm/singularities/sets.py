@@ -2,7 +2,8 @@
 
 A redundant arm loses rank where n - k + 1 equations hold (`lose_rank`). Where its minors give no
 exact set these are solved from many starts, so that singular configurations may be missed. That a
-path is free of them can be proven all the same, as long as the arm has minors (`Minors`).
+path is free of them can be proven all the same, by minors (`Minors`) or by momenta
+(`regularity`).
 """
 
 from __future__ import annotations
@@ -47,8 +48,7 @@ class FoundSet(SingularSet):
     Such are arms with mimic joints, redundant arms with other tasks than the full pose as a rule,
     and redundant arms of special build that are not free-floating. `sample` and `nearest` return
     what the search finds. `is_free` and `clearance` prove paths free of all singular
-    configurations, found or not, unless joints mimic others. All other methods raise
-    `UnsupportedError`.
+    configurations, found or not. All other methods raise `UnsupportedError`.
 
     Attributes:
         arm: The arm.
@@ -162,7 +162,8 @@ def prove_regular(
     For redundant arms a few minors do as a rule, and all of them tell the most; neither needs to
     know whether the singular set is whole.
 
-    None where the minors of J* are no polynomials, as for mimic joints, or too large.
+    None where J* has no minors of a size that could be used, and the arm has several tips or a
+    sliding joint, or does not float.
 
     Raises:
         UnsupportedError: The arm can never do its task.
@@ -186,10 +187,12 @@ def prove_way(
 ) -> Certificate | None:
     """Return the proof that no singular configuration is nearer to a way, as `prove_clear`.
 
-    None where the minors of J* are no polynomials, as for mimic joints, or too large.
+    Without minors of J* of a size that could be used, that the way itself meets none; None where
+    that has no proof either, as `prove_regular`.
     """
-    with suppress(UnsupportedError):
-        return prove_clear(arm, mode, way, at_least)
+    for clearance in dict.fromkeys((at_least, 0.0)):
+        with suppress(UnsupportedError):
+            return prove_clear(arm, mode, way, clearance)
     return None
 
 

@@ -23,9 +23,9 @@ from spacearm.results import Cell, Column, Description, Measure, Result, Table, 
 from spacearm.signatures import checked
 from spacearm.singularities.abstract_set import Path, control_points
 from spacearm.singularities.nearest import angle
+from spacearm.singularities.regularity import Finding, look
 from spacearm.singularities.sets import nearest_on_way
 from spacearm.uncertainty.intervals import UncertainArm
-from spacearm.uncertainty.regularity import Finding, look
 from spacearm.workspaces.path_dependent import workspace
 from spacearm.workspaces.shells import merged, without
 
@@ -248,7 +248,7 @@ def is_free_for_all(
 
     The momenta seen from the tip are enclosed for pieces of the path and all values at once; pieces
     that are not proven are halved, along the path or along a parameter
-    (`spacearm.uncertainty.regularity`). Any number of parameters will do. Of arms with as many
+    (`spacearm.singularities.regularity`). Any number of parameters will do. Of arms with as many
     joints as task rows, values for which the path is singular are found by the sign of det(J*).
 
     Numbers of the last link and of what it holds are left out where the task is the full pose: the
@@ -258,7 +258,7 @@ def is_free_for_all(
         uncertain: An arm with one tip and no sliding joints.
         path: (m, n) joint positions, joined by straight segments; or a motion: of plans the way
             that is flown.
-        progress: Called as progress(done, total) in pieces; the total grows with what is halved.
+        progress: Called as progress(done, 1000), in thousandths of the path and the intervals.
 
     Returns:
         The proof, or values for which the path is singular.

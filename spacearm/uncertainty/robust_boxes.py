@@ -1,6 +1,6 @@
 """Free boxes for all arms whose numbers lie in intervals.
 
-The momenta M of `uncertainty.regularity` about a point of the spacecraft, in its axes, are
+The momenta M of `singularities.regularity` about a point of the spacecraft, in its axes, are
 trigonometric polynomials of the joint positions of degree one or two: of few coefficients, as the
 column of a joint depends on the joints before it alone. In a box of joints and parameters with
 centre c and half widths h
@@ -33,8 +33,8 @@ from spacearm.polynomial.univariate import Complex
 from spacearm.signatures import checked
 from spacearm.singularities.joint_boxes import Effort, FreeBox, Postures, grown
 from spacearm.singularities.polynomials import chart_of
+from spacearm.singularities.regularity import SURE, Momenta, determinants, strongly_regular
 from spacearm.uncertainty.intervals import UncertainArm
-from spacearm.uncertainty.regularity import SURE, Momenta, determinants, strongly_regular
 
 #: Random configurations that tell the size of the rows of M.
 PROBES = 256

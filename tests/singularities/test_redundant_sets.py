@@ -10,9 +10,10 @@ from scipy.optimize import minimize
 import spacearm as sa
 from spacearm.model.joints import joint_scales
 from spacearm.polynomial.triangle import Triangle, find_triangle, share_root
+from spacearm.polynomial.tubes import straight
 from spacearm.singularities.nearest import is_singular, lose_rank
 from spacearm.singularities.polynomials import minors_of
-from spacearm.singularities.sets import prove_regular
+from spacearm.singularities.sets import prove_regular, prove_way
 
 MODES = ["free-floating", "attitude-controlled", "fixed"]
 FOLD = 2e-3
@@ -599,7 +600,27 @@ def test_paths_of_arms_with_millions_of_coefficients_are_proven_free(n, task):
     np.testing.assert_allclose(proof.at, singular, atol=1e-5)
 
 
-def test_paths_of_arms_with_larger_minors_are_refused_with_their_size():
-    found = sa.singular_set(chain(6, 8, "position"))
-    with pytest.raises(sa.UnsupportedError, match=r"2 minors of J\* have .*e\+07 .* at most"):
-        found.is_free(np.zeros((2, 8)))
+@pytest.mark.parametrize(("seed", "n"), [(6, 8), (1, 9)])
+def test_paths_of_arms_with_larger_minors_are_proven_free_by_momenta(seed, n):
+    arm, rng = chain(seed, n, "position"), np.random.default_rng(seed)
+    found = sa.singular_set(arm)
+    for _ in range(3):
+        way = rng.uniform(-1.0, 1.0, n) + np.outer([0.0, 0.5, 1.0], rng.normal(size=n))
+        proof = found.clearance(way)
+        assert proof.free
+        assert found.clearance(way, limits=True).free
+        Q = [way[0] + s * (way[1] - way[0]) for s in np.linspace(0.0, 1.0, 50)]
+        assert min(sigma_ratio(arm, q) for q in Q) > 0.0
+    singular = lose_rank(arm, rng.uniform(-np.pi, np.pi, n), "free-floating")
+    step = 0.2 * rng.normal(size=n)
+    through = found.clearance([singular - 2 * step, singular - step, singular + step])
+    assert through.verdict == "undecided"
+    assert through.segment == 1
+    np.testing.assert_allclose(through.at, singular, atol=1e-3 * np.abs(step).max() * 2)
+    assert prove_way(arm, "free-floating", straight(way), 0.1).clearance == 0.0
+
+
+def test_a_clearance_that_no_minors_prove_is_refused():
+    arm = chain(6, 8, "position")
+    with pytest.raises(sa.UnsupportedError, match="could prove a clearance"):
+        sa.singular_set(arm).is_free(np.zeros((2, 8)), clearance=0.1)

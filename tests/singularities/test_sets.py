@@ -560,7 +560,21 @@ def test_a_searched_set_says_why_it_has_no_more():
                 ask(q)
         assert found.to_dict()["complete"] is False
     with pytest.raises(sa.UnsupportedError, match="joints mimic others"):
-        sa.singular_set(mimicking).is_free([0.0], [1.0])
+        sa.singular_set(mimicking, mode="fixed").is_free([0.0], [1.0])
+
+
+def test_paths_of_arms_with_mimic_joints_are_proven_free():
+    """One joint that another follows half as far: stretched out, the hand cannot move along x."""
+    half = '<mimic joint="elbow" multiplier="0.5"/>'
+    hand = (link("hand"), joint("wrist", "arm", "hand", "continuous", inside=half))
+    arm = load_text(robot(*two_links(), *hand), task="x")
+    found = sa.singular_set(arm)
+    for ends in ([-3.0, -1e-3], [1e-3, 2.5]):
+        assert found.is_free(*np.array(ends)[:, None])
+    through = found.is_free([-0.4], [0.7])
+    assert through.verdict == "singular"
+    np.testing.assert_allclose(through.at, 0.0, atol=1e-9)
+    assert through.segment == 0
 
 
 @pytest.mark.slow

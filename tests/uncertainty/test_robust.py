@@ -7,7 +7,7 @@ from scipy.stats import norm, uniform
 
 import spacearm as sa
 from spacearm.polynomial.tubes import straight
-from spacearm.uncertainty.regularity import Momenta, Pieces
+from spacearm.singularities.regularity import Momenta, Pieces
 
 SPREAD = {"link_1": {"mass": 0.2, "inertia": 0.1}, "link_2": {"mass": (2.0, 4.0)}}
 

@@ -5,7 +5,7 @@ import pytest
 from helpers.arms import load_text, random_chain
 
 import spacearm as sa
-from spacearm.uncertainty.regularity import Momenta
+from spacearm.singularities.regularity import Momenta
 from spacearm.uncertainty.robust_boxes import Family
 
 

@@ -1,4 +1,4 @@
-"""Proof that no arm whose numbers lie in intervals is singular along a path.
+"""Proof that no arm is singular along a path: one, or all whose numbers lie in intervals.
 
 With the tip as root body the matrix M = [B_f P] of momenta (`equations.measures`) is linear in the
 spatial inertias of the bodies, and an arm is singular where M loses rank. So M is that of the arm
@@ -20,24 +20,23 @@ singular one between them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from math import comb, factorial
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
-from scipy.linalg import qr
 
 from spacearm.arrays import Array, Booleans, Integers, Progress
 from spacearm.equations.measures import columns
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.arm_kernels import evaluated, parameters_of, structure_of
 from spacearm.mechanics.batch import tips_from_centre
-from spacearm.model.arguments import FLOATING
+from spacearm.model.arguments import FLOATING, BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.uncertainty.intervals import UncertainArm
+from spacearm.polynomial.certificate import WHOLE, Certificate, Verdict
 
 #: Chebyshev nodes of a chord; an odd number, so that one is in the middle.
 NODES = 7
@@ -65,6 +64,32 @@ DEPENDENT = 1e-10
 Place: TypeAlias = tuple[float, Array]
 
 
+class Family(Protocol):
+    """Arms that differ in numbers of their links, as `sa.UncertainArm`."""
+
+    @property
+    def arm(self) -> SpaceArm:
+        """The arm as described."""
+
+    @property
+    def parameters(self) -> Sequence[Any]:
+        """The numbers, each with its `link` and `kind`."""
+
+    def realise(self, shares: Array) -> SpaceArm:
+        """Return the arm whose numbers are at shares of their intervals."""
+
+
+class OneArm(NamedTuple):
+    """The family of one arm."""
+
+    arm: SpaceArm
+    parameters: tuple[Any, ...] = ()
+
+    def realise(self, _: Array) -> SpaceArm:
+        """Return the arm."""
+        return self.arm
+
+
 class Finding(NamedTuple):
     """What is known of a path.
 
@@ -73,12 +98,16 @@ class Finding(NamedTuple):
         shares: (p,) the parameters of an arm that is singular on it; None if none was found.
         at: (n,) where it is, likewise.
         pieces: How many pieces of path and parameters were looked at.
+        margin: Least singular value of M over the largest, in the middles of the pieces.
+        open: Where on the path the proof ended, counted in pieces of the path; None if it is free.
     """
 
     free: bool
     shares: Array | None
     at: Array | None
     pieces: int
+    margin: float = np.inf
+    open: float | None = None
 
 
 class Pieces(NamedTuple):
@@ -107,8 +136,14 @@ class Pieces(NamedTuple):
         return Pieces(*(part[which] for part in self))
 
     def and_(self, other: Pieces) -> Pieces:
-        """Return these and others."""
-        return Pieces(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
+        """Return these and others, those at the start of the path last."""
+        both = Pieces(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
+        return Pieces(*(part[np.argsort(-both.begin, kind="stable")] for part in both))
+
+    @property
+    def volume(self) -> float:
+        """The size of all together, of path times parameters."""
+        return float(((self.end - self.begin) * (self.high - self.low).prod(axis=1)).sum())
 
     def halves(self, by: Integers) -> Pieces:
         """Return the halves of each along a parameter (k,), or along the path for -1."""
@@ -164,7 +199,7 @@ class Momenta:
         way: (m, d, n) control points of the pieces of the path.
     """
 
-    uncertain: UncertainArm
+    uncertain: Family
     way: Array
 
     @cached_property
@@ -251,9 +286,10 @@ class Momenta:
         """Return how much joint motions (k, n) change M at most, as a share of its bound, (k,)."""
         return np.asarray(DEGREE * (np.abs(dq) @ self._gains.T).sum(axis=1))
 
-    def position(self, t: Array) -> Array:
-        """Return the places (k, n) on the path at t (k,)."""
-        return self._control_points(t, t)[:, 0]
+    def position(self, t: Array | float) -> Array:
+        """Return the places (k, n) on the path at t (k,), or the one (n,) at t."""
+        each = np.atleast_1d(t)
+        return self._control_points(each, each)[:, 0].reshape(*np.shape(t), -1)
 
     def _control_points(self, begin: Array, end: Array) -> Array:
         """Return the control points (k, d, n) of parts of the path."""
@@ -330,6 +366,8 @@ class Momenta:
 
 def _independent(arms: list[SpaceArm], middle: SpaceArm) -> tuple[list[SpaceArm], Array]:
     """Return arms with independent moments, and the factors (m, k) that combine them to all."""
+    from scipy.linalg import qr  # slow to import
+
     moments = np.array([_moments(arm) for arm in arms]) - _moments(middle)
     moments /= np.abs(moments).max(axis=0) + np.finfo(np.float64).tiny
     _, R, order = qr(moments.T, pivoting=True, mode="economic")
@@ -348,13 +386,13 @@ def _moments(arm: SpaceArm) -> Array:
     return np.concatenate((m.ravel(), (m * c).ravel(), about.ravel()))
 
 
-def look(uncertain: UncertainArm, way: Array, progress: Progress | None = None) -> Finding:
+def look(uncertain: Family, way: Array, progress: Progress | None = None) -> Finding:
     """Prove that no arm is singular on a path, or find one that is.
 
     Args:
         uncertain: The arm, with one tip.
         way: (m, d, n) control points of its pieces; see `polynomial.tubes`.
-        progress: Called as progress(done, total) in pieces; the total grows with what is halved.
+        progress: Called as progress(done, 1000), in thousandths of path and parameters.
 
     Raises:
         UnsupportedError: The arm has several tips or a sliding joint.
@@ -365,7 +403,9 @@ def look(uncertain: UncertainArm, way: Array, progress: Progress | None = None) 
         raise UnsupportedError(f"{arm.name}: this proof takes no sliding joints; lock them")
     momenta = Momenta(uncertain, way)
     most = min(MOST, MOST_ARMS // (1 + sum(map(len, momenta.arms))))
-    open_, looked, known = momenta.first(), 0, dict[bool, Place]()
+    nothing, known = momenta.first().some(np.s_[:0]), dict[bool, Place]()
+    open_, looked, margin, ended = momenta.first().and_(nothing), 0, np.inf, None
+    whole = open_.volume
     for sign, place in _descent(momenta, open_):
         known.setdefault(sign, place)
     while len(known) < 2 and len(open_.begin) and looked < most:
@@ -378,14 +418,41 @@ def look(uncertain: UncertainArm, way: Array, progress: Progress | None = None) 
             for i, value in enumerate(determinants(M)):
                 if abs(value) > SURE:
                     known.setdefault(value > 0.0, (float(t[i]), shares[i]))
+        sizes = np.linalg.svd(seen.middle, compute_uv=False)
+        margin = min(margin, float((sizes[:, -1] / sizes[:, 0]).min()))
         open_ = open_.and_(now.some(~regular).halves(_by(momenta, seen, now)[~regular]))
-        if progress:
-            progress(looked, looked + len(open_.begin))
+        if progress and whole:
+            progress(int(WHOLE * (1.0 - open_.volume / whole)), WHOLE)
         if (now.some(~regular).widest < NARROW).any():
             break
     if len(known) == 2:
-        return Finding(False, *_between(momenta, known[False], known[True]), looked)
-    return Finding(not len(open_.begin), None, None, looked)
+        shares, t, q = _between(momenta, known[False], known[True])
+        return Finding(False, shares, q, looked, 0.0, t)
+    if len(open_.begin):
+        ended = float(open_.begin.min())
+    return Finding(ended is None, None, None, looked, margin, ended)
+
+
+def has_momenta(arm: SpaceArm, mode: BaseMode) -> bool:
+    """Tell whether `prove_by_momenta` takes an arm: it floats, has one tip and no sliding joint."""
+    return mode == FLOATING and len(arm.tips) == 1 and not arm.slides.any()
+
+
+def prove_by_momenta(arm: SpaceArm, way: Array, progress: Progress | None = None) -> Certificate:
+    """Prove that a path meets no singularity without minors of J*; joints may mimic others.
+
+    Args:
+        arm: An arm that `has_momenta`.
+        way: As for `look`.
+        progress: As for `look`.
+    """
+    found = look(OneArm(arm), way, progress)
+    if found.open is None:
+        return Certificate(True, None, None, found.margin, "free", ROUNDING)
+    at = found.at if found.at is not None else Momenta(OneArm(arm), way).position(found.open)
+    segment = min(int(found.open), len(way) - 1)
+    verdict: Verdict = "undecided" if found.at is None else "singular"
+    return Certificate(False, at, segment, found.margin, verdict, ROUNDING)
 
 
 def _descent(momenta: Momenta, pieces: Pieces) -> Iterator[tuple[bool, Place]]:
@@ -429,15 +496,15 @@ def determinants(M: Array) -> Array:
     return np.asarray(np.linalg.det(M / np.linalg.norm(M, axis=2, keepdims=True)))
 
 
-def _between(momenta: Momenta, low: Place, high: Place) -> tuple[Array, Array]:
-    """Return parameters and position of a singular arm between two places, by bisection."""
+def _between(momenta: Momenta, low: Place, high: Place) -> tuple[Array, float, Array]:
+    """Return parameters, place and position of a singular arm between two, by bisection."""
     for _ in range(BISECTIONS):
         t, shares = 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])
-        q = momenta.position(np.array([t]))
+        q = momenta.position(t)
         arm = momenta.uncertain.realise(shares)
-        negative = np.linalg.det(momenta.matrices(arm, q))[0] < 0.0
+        negative = np.linalg.det(momenta.matrices(arm, q[None]))[0] < 0.0
         low, high = ((t, shares), high) if negative else (low, (t, shares))
-    return shares, q[0]
+    return shares, t, q
 
 
 def _bernstein(t: Array, degree: int) -> Array:
