@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
-from spacearm.arrays import Array, positive
+from spacearm.arrays import Array, Progress, positive
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, prescribed_motion
 from spacearm.mission.attitudes import turning_axis
@@ -129,7 +129,11 @@ class MomentumBudget(Result):
 
 @checked
 def momentum_budget(
-    cfg: Configuration, *, horizon: float = HORIZON, limits: bool = True
+    cfg: Configuration,
+    *,
+    horizon: float = HORIZON,
+    limits: bool = True,
+    progress: Progress | None = None,
 ) -> MomentumBudget:
     """Compute what momentum on board does to a posture, and how long the arm can make up for it.
 
@@ -141,6 +145,7 @@ def momentum_budget(
             alike. The wheels must be still.
         horizon: The longest time looked at [s].
         limits: Whether joint limits count.
+        progress: Called as progress(done, 1000); the motions may end before the horizon.
 
     Returns:
         The turn and the drift with locked joints, and how long the arm can do what.
@@ -171,8 +176,12 @@ def momentum_budget(
     split = prescribed_motion(cfg, {})
     J, drift = goal_rows(cfg, split.jacobian), goal_rows(cfg, split.drift)
     rates = -np.linalg.pinv(J) @ drift
-    holds, ended, holding = _hold(cfg, horizon, limits)
-    carries, why, carrying = _carry(cfg, horizon, limits)
+    told = progress or (lambda *_: None)
+    holds, ended, holding = _hold(cfg, horizon, limits, lambda s: told(int(500 * s), 1000))
+    carries, why, carrying = _carry(
+        cfg, horizon, limits, lambda t: told(500 + int(500 * t / horizon), 1000)
+    )
+    told(1000, 1000)
     return MomentumBudget(
         configuration=cfg,
         spin=base_velocity(cfg, np.zeros(arm.n))[3:],
@@ -188,7 +197,9 @@ def momentum_budget(
     )
 
 
-def _hold(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str, Motion]:
+def _hold(
+    cfg: Configuration, horizon: float, limits: bool, tell: Callable[[float], object]
+) -> tuple[float, str, Motion]:
     """Hold the tip: return how long, what ends it, and the motion.
 
     The path of the tip is one point, its length the share of the horizon that has passed. The
@@ -213,6 +224,7 @@ def _hold(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str,
     found = led(shares[1:] * (1.0 - 1e-9))
     q, turned = np.vstack((cfg.q, found.q)), np.vstack((attitude, found.attitude))
     while len(shares) < MOST_SAMPLES:
+        tell(len(shares) / MOST_SAMPLES)
         travel = np.linalg.norm(np.diff(q, axis=0), axis=1)
         passed = np.append(0.0, np.cumsum(travel + travel.mean() + np.finfo(float).tiny))
         even = np.linspace(0.0, passed[-1], 2 * len(shares) - 1)
@@ -225,7 +237,9 @@ def _hold(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str,
     return horizon * lasts, kind, _motion(cfg, horizon * shares, q, turned)
 
 
-def _carry(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str, Motion]:
+def _carry(
+    cfg: Configuration, horizon: float, limits: bool, tell: Callable[[float], object]
+) -> tuple[float, str, Motion]:
     """Keep the spacecraft at rest: return how long, what ends it, and the motion.
 
     The joints have the least rates with D_q dq = h. Where D_q loses the direction of h these grow
@@ -272,6 +286,7 @@ def _carry(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str
     method: Callable[..., OdeSolver] = DOP853
     solver = method(rate, 0.0, q, horizon, first_step=first, rtol=RTOL, atol=RTOL)
     while not ended:
+        tell(solver.t)
         if solver.step():
             ended = "cannot"
             break

@@ -426,8 +426,8 @@ def look(uncertain: Family, way: Array, progress: Progress | None = None) -> Fin
         if (now.some(~regular).widest < NARROW).any():
             break
     if len(known) == 2:
-        shares, t, q = _between(momenta, known[False], known[True])
-        return Finding(False, shares, q, looked, 0.0, t)
+        values, where, q = _between(momenta, known[False], known[True])
+        return Finding(False, values, q, looked, 0.0, where)
     if len(open_.begin):
         ended = float(open_.begin.min())
     return Finding(ended is None, None, None, looked, margin, ended)

@@ -161,3 +161,12 @@ def test_bad_input():
         sa.momentum_budget(arm.at(q, momentum=H), horizon=0)
     with pytest.raises(sa.UnsupportedError, match="2 of the 3 rows"):
         sa.momentum_budget(arm.replace(task="x y rz").at(q, momentum=H))
+
+
+def test_progress_is_told_and_never_falls():
+    told = []
+    cfg = sa.load("planar2").at([-0.6, 1.4], momentum=H)
+    sa.momentum_budget(cfg, horizon=20.0, progress=lambda *x: told.append(x))
+    assert told == sorted(told)
+    assert len(told) > 3
+    assert told[-1] == (1000, 1000)
