@@ -278,8 +278,11 @@ def _floating(request: PlanRequest) -> Plan:
     from spacearm.planning.strategies.several_tips import several_tips
 
     if request.via and (request.moving or request.goals):
+        several = f"goal names {len(request.goals)} tips"
         raise UnsupportedError(
-            "goals on the way (via) are for one tip at zero momentum; plan leg by leg"
+            "goals on the way (via) are for one tip at zero momentum, and "
+            f"{several if request.goals else 'there is momentum on board'}; plan leg by leg, "
+            "each from the last configuration of the one before: sa.plan(leg[-1], goal)"
         )
     if request.via and request.final_twist is not None:
         return to_a_twist(request)

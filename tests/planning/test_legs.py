@@ -65,9 +65,15 @@ def test_a_goal_on_the_way_that_cannot_be_reached_is_named(arm):
         sa.plan(arm.at(Q0), GOAL, via=[VIA, (9.0, 0.0)], search=sa.Search(timeout=2.0))
 
 
-def test_momentum_and_goals_on_the_way_are_refused_together(arm):
-    with pytest.raises(sa.UnsupportedError, match="at zero momentum"):
-        sa.plan(arm.at(Q0, momentum=[0, 0, 0, 0, 0, 0.1]), GOAL, via=[VIA])
+def test_goals_on_the_way_with_momentum_or_several_tips_are_refused_with_the_remedy(arm):
+    pair = planar_pair()
+    start = arm.at(Q0, momentum=[0, 0, 0, 0, 0, 0.1])
+    with pytest.raises(sa.UnsupportedError, match=r"momentum on board.*plan\(leg\[-1\], goal\)"):
+        sa.plan(start, GOAL, via=[VIA])
+    at = pair.at([0.3, 0.7, -0.3, 0.9])
+    goals = {tip: pose.translation[:2] for tip, pose in zip(pair.tips, at.tips, strict=True)}
+    with pytest.raises(sa.UnsupportedError, match="goal names 2 tips; plan leg by leg"):
+        sa.plan(at, goals, via=[goals["left"]])
 
 
 @pytest.mark.parametrize("asked", ["at rest", "momentum", "via"])
