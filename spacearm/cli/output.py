@@ -7,10 +7,10 @@ import math
 import signal
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import timedelta
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -24,7 +24,6 @@ from rich.progress import (
     Task,
     TextColumn,
     TimeElapsedColumn,
-    TimeRemainingColumn,
 )
 from rich.segment import Segment
 from rich.table import Column, Table
@@ -76,6 +75,45 @@ STYLES: Mapping[Tone, str] = {
 }  # fmt: skip
 
 
+class TimeLeft(ProgressColumn):
+    """How long something still takes, as long as that is not longer than was said before.
+
+    Args:
+        searches: As in `working`.
+    """
+
+    max_refresh = 0.5
+
+    def __init__(self, searches: bool) -> None:
+        super().__init__()
+        self.searches, self._said = searches, math.inf
+
+    def seconds(self, task: Task) -> float | None:
+        """Return how long it still takes [s]; None where that is not known, or has grown."""
+        done, total = task.completed, task.total
+        if not done or total is None:
+            return None
+        left = total - done if self.searches else (task.elapsed or 0.0) * (total / done - 1.0)
+        if left > self._said:
+            return None
+        self._said = left
+        return left
+
+    def render(self, task: Task) -> Text:
+        """Return it for a bar."""
+        left = self.seconds(task)
+        word = "at most" if self.searches else "left"
+        return Text("" if left is None else f"{word}: {timedelta(seconds=round(left))}")
+
+    def line(self, task: Task) -> str:
+        """Return how far something is, and how long it still takes, as a line."""
+        left, took = self.seconds(task), f"{task.elapsed or 0.0:.0f} s so far"
+        if self.searches:
+            return took if left is None else f"{took}, at most {left:.0f} s more"
+        percent = f"{task.percentage:.0f} %, " if task.percentage else ""
+        return percent + (took if left is None else f"about {left:.0f} s left")
+
+
 @contextmanager
 def working(
     what: str, *more: ProgressColumn, searches: bool = False
@@ -93,18 +131,15 @@ def working(
     Yields:
         Takes what is done and how much there is.
     """
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), *more, TimeElapsedColumn(),
-        TextColumn("at most:" if searches else "left:"), TimeRemainingColumn(),
-    )  # fmt: skip
+    left = TimeLeft(searches)
+    columns = (TextColumn("{task.description}"), BarColumn(), *more, TimeElapsedColumn(), left)
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
-        task = bar.add_task(what, total=None)
-        over, since = threading.Event(), time.monotonic()
+        task, over = bar.add_task(what, total=None), threading.Event()
 
         def tell() -> None:
             wait = FIRST
             while not over.wait(wait):
-                err.print(f"spacearm: {what}: {_so_far(bar.tasks[0], since, searches)}")
+                err.print(f"spacearm: {what}: {left.line(bar.tasks[0])}")
                 wait = EVERY
 
         thread = threading.Thread(target=tell, daemon=True)
@@ -137,16 +172,6 @@ def kept(what: str, compute: Callable[[Callable[[float, float], None]], T]) -> t
 def say_stopped(what: str) -> None:
     """Say on stderr that Ctrl-C has stopped a command that keeps its results so far."""
     err.print(f"spacearm: stopped: {what}; the results so far are kept")
-
-
-def _so_far(task: Task, since: float, searches: bool) -> str:
-    """Return how far something is, and how long it still takes if that is known."""
-    took, percentage = time.monotonic() - since, task.percentage
-    if percentage <= 0.0 or task.total is None:
-        return f"{took:.0f} s so far"
-    if searches:
-        return f"{took:.0f} s so far, at most {task.total - task.completed:.0f} s more"
-    return f"{percentage:.0f} %, about {took * (100.0 / percentage - 1.0):.0f} s left"
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from helpers.commands import answer, spacearm
 
 import spacearm as sa
 from spacearm.cli.app import COMMANDS, command
-from spacearm.cli.output import working
+from spacearm.cli.output import TimeLeft, working
 
 MODULES = {f"spacearm.cli.{place.rpartition('.')[0]}" for place, _ in COMMANDS.values()}
 HOME = ("0", "60", "-100", "-50", "30", "0")
@@ -237,11 +238,21 @@ def test_what_takes_long_says_so_on_stderr(capsys, monkeypatch):
         time.sleep(0.2)
     lines = capsys.readouterr().err.splitlines()
     assert lines[0].startswith("spacearm: digging: 0 s so far")
-    assert "25 %, about" in lines[-1]
+    assert "25 %, about" in "".join(lines)
+    assert lines[-1].endswith("25 %, 0 s so far"), "it said that it would have ended by now"
     with working("digging", searches=True) as progress:
         progress(10.0, 60.0)
         time.sleep(0.1)
     assert capsys.readouterr().err.splitlines()[-1].endswith("0 s so far, at most 50 s more")
+
+
+def test_estimates_of_the_time_left_do_not_grow():
+    """What stalls is told without one, until it is as near its end as was said."""
+    task, column, said = SimpleNamespace(total=100.0), TimeLeft(False), []
+    for task.elapsed, task.completed in ((1, 0), (2, 20), (3, 60), (9, 62), (20, 63), (40, 99)):
+        said.append(column.seconds(task))
+    np.testing.assert_allclose([x for x in said if x is not None], [8, 2, 40 / 99], atol=1e-12)
+    assert [x is None for x in said] == [True, False, False, True, True, False]
 
 
 @pytest.mark.parametrize(
