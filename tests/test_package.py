@@ -123,6 +123,7 @@ ASKED = re.compile(
 """A command that reads a file, the file's name, and the file, which stands below it."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", ["simulation", "planning"])
 def test_questions_in_files_run(page, tmp_path):
     """Every TOML file that a page shows for --with, by the command above it."""

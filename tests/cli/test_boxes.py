@@ -25,6 +25,7 @@ def test_the_box_of_a_posture_is_that_of_python(tmp_path):
     np.testing.assert_allclose(sa.load(tmp_path / "limited.urdf").upper, box.upper, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_box_for_all_masses_is_in_that_of_the_arm_described():
     words = ("--deg", 20, 60, "--uncertain", "link_1=0.1", "--no-limits", "--json")
     run = spacearm("box", "planar2", *words)

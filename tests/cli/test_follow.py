@@ -11,6 +11,7 @@ import spacearm as sa
 CORNERS = [(1.2, 1.25), (1.3, 1.2)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", [None, [2.0, 4.0]])
 def test_the_file_gives_what_python_gives(tmp_path, times):
     rows = CORNERS if times is None else np.column_stack((times, CORNERS))

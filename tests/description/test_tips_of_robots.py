@@ -55,6 +55,7 @@ def load(robot: str, **options) -> sa.SpaceArm:
         return sa.load(ROBOTS / robot, check="accept", **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", FOUND)
 def test_the_tip_is_the_one_that_an_engineer_names(robot):
     n, tip, held = FOUND[robot]
@@ -62,6 +63,7 @@ def test_the_tip_is_the_one_that_an_engineer_names(robot):
     assert (arm.n, arm.tip, len(arm.held)) == (n, tip, held)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ASKED)
 def test_several_limbs_are_a_question(robot):
     with pytest.raises(sa.ModelError, match="links could be the tip") as error:

@@ -219,6 +219,7 @@ def test_a_target_without_shapes_is_drawn_as_the_box_of_its_inertia():
     np.testing.assert_allclose(box.reshape(-1, 3).mean(axis=0)[2], 0.3, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_motion_meets_a_target_on_its_way_and_not_one_far_off():
     """A check of collisions finds a tumbling target on the way, not one far off."""
     arm = sa.load("servicer_ur5")

@@ -61,6 +61,7 @@ def test_the_start_of_figure_5_fails_and_others_succeed(ring):
     assert ring.motion().arrived
 
 
+@pytest.mark.slow
 def test_it_says_of_every_attitude_what_follow_says(ring):
     """The compiled following and the one by scipy's DOP853 are independent.
 

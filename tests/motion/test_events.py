@@ -41,6 +41,7 @@ def check_of_the_exact_set(arm, event, before):
         assert sa.singular_set(arm).nearest(q).distance > NEAR
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_a_simulation_meets_the_exact_set_of_a_redundant_arm(seed, tmp_path):
     arm = sa.load("servicer_panda")

@@ -379,6 +379,7 @@ def test_a_path_with_times_starts_from_rest_without_a_jump(arm):
         np.testing.assert_allclose(rate(run.t[part]), torque[part], atol=1e-3 * size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "mode"), [(0, "attitude-controlled"), (1, "free-floating")])
 def test_with_momentum_the_tip_passes_the_corners_as_simulated(seed, mode):
     """The tip and the momentum of `simulate`, whose equations know nothing of paths."""

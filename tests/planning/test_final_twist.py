@@ -84,6 +84,7 @@ def test_wheels_hold_the_attitude_meanwhile():
     assert np.abs(sa.reaction(plan).torque).max() < 0.5
 
 
+@pytest.mark.slow
 def test_it_is_kept_in_the_file_and_not_timed_anew(tmp_path):
     spacearm(
         "plan", "planar2", *PLANAR, "--goal", 0.9, 1.4, "--with", "final_twist=[0.1, -0.05]",

@@ -22,6 +22,7 @@ def nearest(plan, point):
     return np.linalg.norm(plan.tip[:, :2] - point, axis=1).min()
 
 
+@pytest.mark.slow
 def test_the_tip_passes_the_goals_on_the_way(arm):
     plan = sa.plan(arm.at(Q0), GOAL, via=[VIA, sa.Joints(Q0)])
     assert nearest(plan, VIA) < 1e-7

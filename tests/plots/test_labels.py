@@ -58,6 +58,7 @@ def test_titles_are_folded_to_the_width_of_their_axes(monkeypatch):
 SLOW = pytest.mark.slow
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "bend", "most"),
     [

@@ -77,6 +77,7 @@ def test_ways_keep_the_joint_limits():
     assert ways
 
 
+@pytest.mark.slow
 def test_it_goes_on_from_a_file(tmp_path):
     arm = sa.load("mda6")
     first = sa.free_boxes(arm, most=60_000)

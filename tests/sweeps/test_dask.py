@@ -170,6 +170,7 @@ def _block(store):
         folder.write_text("in the way")
 
 
+@pytest.mark.slow
 def test_no_scheduler(tmp_path, monkeypatch):
     monkeypatch.setattr("spacearm.sweeps.runner.PATIENCE", 0.3)
     with pytest.raises(sa.StoreError, match="no Dask scheduler at"):
@@ -183,6 +184,7 @@ def test_no_scheduler(tmp_path, monkeypatch):
     assert not [*tmp_path.iterdir()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("said", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 50, None])
 def test_something_else_that_listens_is_no_scheduler(said, monkeypatch):
     """It says nothing, or something else, or hangs up."""

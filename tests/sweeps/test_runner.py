@@ -97,6 +97,7 @@ def test_shells_are_those_of_the_sweep_in_memory(tmp_path):
     assert ds["pdw"].isel(shell=slice(there, None)).isnull().all()
 
 
+@pytest.mark.slow
 def test_attributes_tell_where_the_numbers_come_from(study, whole):
 
     attrs = sa.sweep(study, whole).attrs

@@ -694,6 +694,7 @@ def test_a_motion_is_saved_with_its_animation():
     assert b"set_animation" in b"".join(viewer.window.commands())
 
 
+@pytest.mark.slow
 def test_a_saved_page_has_the_maps_of_its_motion(monkeypatch):
     """One where no other joint moves; along the motion where others do; none of sliding joints."""
     monkeypatch.setattr(stage, "MOST_MAPS", 3)

@@ -207,6 +207,7 @@ def test_planar3_against_ten_million_configurations():
     assert R.min() == pytest.approx(result.pdw[0, 0], abs=np.linalg.norm(R2.lipschitz) * step)
 
 
+@pytest.mark.slow
 def test_a_proof_refuses_shells_that_are_too_small(planar2):
     S, R2 = sa.singularity_polynomial(planar2.arm), radius_squared(planar2.arm)
     low, high = np.full(2, -np.pi), np.full(2, np.pi)
