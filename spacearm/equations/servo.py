@@ -13,16 +13,16 @@ of position and beyond `stop`. A change of direction that the accelerations do n
 with braking instead. Braking is always allowed by what held a tick before.
 
 The distance is that to singular postures that are followed from tick to tick: three, the nearest
-that are known, and four scouts that set out from the arm's posture and at random, and take
-the place of the farthest, or of one close by, when they come to rest nearer. So each of them is
-found, and the nearest of all is no farther. Where the set folds, steps along it may come to rest
-nowhere: a scout that is so near to the arm, and to the set beside it, that something nearer must be
-there is followed as it is. Each goes towards the point nearest to the arm's
-posture on the set linearised at itself. Where the set bends more than the sphere about the posture,
-whole steps would lead ever farther away, so that each takes the share of its way by which the last
-two ways would have become least: Barzilai & Borwein, IMA J. Numer. Anal. 8(1), 141-148 (1988), DOI
-10.1093/imanum/8.1.141. All angles x count in radians of each joint; see
-`model.joints.joint_scales`.
+that are known, and six scouts that set out from the arm's posture and at random, and take the place
+of the farthest, or of one close by, when they come to rest nearer. So each of them is found, and
+the nearest of all is no farther. Where the set folds, steps along it may come to rest nowhere: a
+scout that is so near to the arm, and to the set beside it, that something nearer must be there is
+followed as it is. Each goes towards the point nearest to the arm's posture on the set linearised at
+itself: by a whole step of Newton's method to the set, and along it by a share. Where the set bends
+more than the sphere about the posture, whole steps would lead ever farther away; the share is that
+by which the last two ways along the set would have become least: Barzilai & Borwein, IMA J. Numer.
+Anal. 8(1), 141-148 (1988), DOI 10.1093/imanum/8.1.141. All angles x count in radians of each joint;
+see `model.joints.joint_scales`.
 """
 
 from __future__ import annotations
@@ -49,15 +49,15 @@ from spacearm.equations.measures import distance
 #: Axes in which the twist is given.
 Frame = Literal["inertial", "spacecraft", "tip"]
 #: Singular postures that are followed, and those that look for nearer ones.
-KEPT, SCOUTS = 3, 4
+KEPT, SCOUTS = 3, 6
 SLOTS = KEPT + SCOUTS
 #: Ticks until a scout sets out again, and until motion begins after nothing was known.
 PATIENCE, SEARCH = 24, 80
 #: Residual beyond which a posture is not on the set, way below which a scout is at rest, distance
 #: below which two are one, longest step [rad].
 LOST, AT_REST, APART, STRIDE = 0.1, 0.02, 0.05, 0.4
-#: Share of the way that the first step takes, and the least; square of the changes of a way below
-#: which the share is that of the first [rad^2].
+#: Share of the way along the set that the first step takes, and the least; square of the changes of
+#: a way below which the share is that of the first [rad^2].
 SHARE, LEAST, SMOOTH = 0.7, 0.02, 1e-5
 #: Share of the distance of one that a scout must be nearer than to be followed instead; how often
 #: its residual counts as long as it does not rest.
@@ -145,8 +145,8 @@ class Memory(NamedTuple):
         q: (n,) the last joint positions [rad] or [m].
         dt: The last time of a tick [s].
         points: (SLOTS, n) singular postures that are followed, and scouts, in radians.
-        ways: (SLOTS, n) where the last step of each led to, in radians.
-        shares: (SLOTS,) share of the way that it took.
+        ways: (SLOTS, n) the last way of each along the set, in radians.
+        shares: (SLOTS,) share of it that was taken.
         ages: (SLOTS,) ticks since each set out; of those that are followed 0.
         count: Ticks since the search began; negative where nothing is known.
     """
@@ -195,10 +195,11 @@ class Followed(NamedTuple):
     Attributes:
         point: (n,) where it goes [rad].
         way: (n,) to the nearest point of the set linearised where it was.
-        share: Share of it that it takes.
+        share: Share of the part along the set that it takes.
         offset: (n,) of that point from the arm's posture.
         far: Residual: its own distance from the set.
         normal: (n,) of the set linearised there.
+        slide: (n,) part of the way along the set.
     """
 
     point: Any
@@ -207,6 +208,7 @@ class Followed(NamedTuple):
     offset: Any
     far: Any
     normal: Any
+    slide: Any
 
 
 @lru_cache
@@ -357,9 +359,9 @@ def step(
 
 
 def _follower(xp: Any, tree: Structure, p: Parameters, x: Any, fading: Any, radians: Any) -> Any:
-    """Return a function that takes a posture a step along the set, towards x (n,).
+    """Return a function that takes a posture a step to the set and along it, towards x (n,).
 
-    It takes the posture (n,), the way of its last step (n,) and its share.
+    It takes the posture (n,), its last way along the set (n,) and the share of that.
     """
 
     def follow(point: Any, last: Any, share: Any) -> tuple[Any, ...]:
@@ -368,16 +370,20 @@ def _follower(xp: Any, tree: Structure, p: Parameters, x: Any, fading: Any, radi
         first = xp.where(far < np.inf, far, 0.0) * np.eye(len(rows))[0]
         offset = (rows @ X - first) @ rows
         way = offset - X
+        normal = -first[0] * rows[0]
+        slide = way - normal
         size = _norm(xp, way)
         there = xp.logical_and(far < LARGEST, size < LARGEST)
-        went, change = share * _at_most(xp, _norm(xp, last), STRIDE) * last, way - last
+        went, change = share * _at_most(xp, _norm(xp, last), STRIDE) * last, slide - last
         least = (SMOOTH * SHARE - went @ change) / (SMOOTH + change @ change)
         moved = xp.logical_and(there, (last * last).sum() > 0.0)
         share = xp.where(moved, xp.minimum(xp.maximum(least, LEAST), 1.0), SHARE)
-        step = share * _at_most(xp, size, STRIDE) * way
+        step = share * slide + normal
+        step = _at_most(xp, _norm(xp, step), STRIDE) * step
         return (
             xp.where(there, point + step, np.inf), xp.where(there, way, 0.0), share,
             xp.where(there, offset, 0.0), xp.where(there, far, np.inf), rows[0],
+            xp.where(there, slide, 0.0),
         )  # fmt: skip
 
     called = xp.procedure(follow)
@@ -438,7 +444,7 @@ def _follow(
             sizes[j], ages[j] = xp.where(mine, sizes[i], sizes[j]), xp.where(mine, 0.0, ages[j])
         on_the_way = xp.logical_and(ages[i] < PATIENCE, scout.far < np.inf)
         goes = xp.logical_and(on_the_way, xp.logical_not(rests))
-        found[i] = _either(xp, goes, scout, scout._replace(point=start, way=0.0 * x, share=SHARE))
+        found[i] = _either(xp, goes, scout, scout._replace(point=start, slide=0.0 * x, share=SHARE))
         ages[i] = xp.where(goes, ages[i] + 1.0, 0.0)
     known = []
     for j in range(KEPT):
@@ -450,7 +456,7 @@ def _follow(
         lost = found[j]._replace(point=x)
         found[j] = _either(xp, found[j].far < np.inf, found[j], lost)
     points, ways, shares = (
-        xp.stack([getattr(one, name) for one in found]) for name in ("point", "way", "share")
+        xp.stack([getattr(one, name) for one in found]) for name in ("point", "slide", "share")
     )
     after = memory._replace(points=points, ways=ways, shares=shares)
     return known, after._replace(ages=xp.stack(ages), count=count)

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from spacearm.arrays import Array
+from spacearm.arrays import NO_NUMBERS, Array
 from spacearm.equations.servo import Limits, Tick
 from spacearm.errors import ConfigurationError, imported, listed
 from spacearm.model.arm import SpaceArm
@@ -142,32 +142,46 @@ def joint_states(arm: SpaceArm, messages: Iterable[Any]) -> Iterator[JointState]
 
     A message has `t` (or `time`, or a `header` with a `stamp`) and `q` (n,), or `name` and
     `position`, as sensor_msgs/JointState has them, and `dq` or `velocity` if it knows them. Empty
-    lines are left out; what cannot be read is a state of NaN.
+    lines are left out, and messages that name joints of others only; what cannot be read is a state
+    of NaN.
 
     Args:
         arm: The arm.
         messages: The messages, in the order of their times.
 
     Raises:
-        ConfigurationError: A message names no joint of the arm, or is no joint state at all.
+        ConfigurationError: A message lacks joints of the arm, or is no joint state at all; or all
+            are of others.
     """
+    mine, others = False, 0
     for i, message in enumerate(messages, 1):
-        if isinstance(message, JointState):
-            yield message
+        if isinstance(message, str | bytes) and not message.strip():
             continue
-        if isinstance(message, str | bytes):
-            if not message.strip():
-                continue
-            try:
-                message = json.loads(message)
-            except ValueError:
-                yield JointState(math.nan, np.full(arm.n, np.nan))
-                continue
-        yield _joint_state(arm, message, i)
+        state = message if isinstance(message, JointState) else _joint_state(arm, message, i)
+        if state is None:
+            others = others or i
+        else:
+            mine = True
+            yield state
+    if others and not mine:
+        raise _no_state(arm, others)
 
 
-def _joint_state(arm: SpaceArm, message: Any, number: int) -> JointState:
-    """Return the joint state in message `number`."""
+def _no_state(arm: SpaceArm, number: int) -> ConfigurationError:
+    return ConfigurationError(
+        f"message {number} is no joint state of {arm.name}; give t and q, or name and position "
+        f"of: {listed(arm.joint_names)}"
+    )
+
+
+def _joint_state(arm: SpaceArm, message: Any, number: int) -> JointState | None:
+    """Return the joint state in message `number`, None if it is of other joints."""
+    unreadable = JointState(math.nan, np.full(arm.n, np.nan))
+    if isinstance(message, str | bytes):
+        try:
+            message = json.loads(message)
+        except ValueError:
+            return unreadable
 
     def get(of: Any, *names: str) -> Any:
         given = [of.get(n) if isinstance(of, Mapping) else getattr(of, n, None) for n in names]
@@ -183,17 +197,16 @@ def _joint_state(arm: SpaceArm, message: Any, number: int) -> JointState:
         stamp = seconds + 1e-9 * (get(stamp, "nanosec", "nsecs") or 0)
     names = get(message, "name", "names")
     names = arm.joint_names if names is None else list(names)
+    if q is not None and names and not set(arm.joint_names) & set(names):
+        return None
     if q is None or not set(arm.joint_names) <= set(names):
-        raise ConfigurationError(
-            f"message {number} is no joint state of {arm.name}; give t and q, or name and position "
-            f"of: {listed(arm.joint_names)}"
-        )
+        raise _no_state(arm, number)
     place = [names.index(name) for name in arm.joint_names]
     told = [q, dq] if dq is not None and len(dq) == len(names) else [q]
     try:
         return JointState(float(stamp), *(np.asarray(x, dtype=float)[place] for x in told))
-    except (TypeError, ValueError, IndexError):
-        return JointState(math.nan, np.full(arm.n, np.nan))
+    except (*NO_NUMBERS, IndexError):
+        return unreadable
 
 
 def recorded(path: Path, topic: str) -> Iterator[Any]:

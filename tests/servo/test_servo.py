@@ -187,8 +187,8 @@ def test_what_is_told_at_rest_is_what_a_search_finds():
         memory = found[:, tick:]
     ends = [NearestSearch(arm, "free-floating", q[None]).nearest() for q in Q]
     error = found[:, arm.n] - np.linalg.norm(ends, axis=1)
-    assert (error > np.radians(1.0)).mean() < 0.06
-    assert (error < -np.radians(1.0)).mean() < 0.03
+    assert (error > np.radians(1.0)).mean() < 0.03
+    assert (error < -np.radians(1.0)).mean() < 0.02
 
 
 def test_an_arm_whose_stick_is_let_go_brakes_within_its_accelerations():

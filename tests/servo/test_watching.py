@@ -81,6 +81,7 @@ def test_messages_of_all_kinds_say_the_same():
         ({"t": "now", "q": [0.1, 1.0]}, "finite"),
         ({"t": 0.2, "q": [0.1]}, "finite"),
         ({"t": 0.2, "q": "far"}, "finite"),
+        ({"t": 0.2, "q": [10**400, 1.0]}, "finite"),
         ({"t": 0.1, "q": [0.3, 1.2]}, "is not after"),
         ({"t": -5.0, "q": [0.3, 1.2]}, "is not after"),
     ],
@@ -92,6 +93,13 @@ def test_what_makes_no_sense_is_a_fault_and_the_next_goes_on(message, fault):
     assert bad.level == "fault"
     assert fault in bad.verdict
     np.testing.assert_allclose(last.distance, first.distance, rtol=1e-9, atol=0)
+
+
+def test_messages_about_the_joints_of_others_are_left_out():
+    servo = sa.Servo(sa.load("planar2"))
+    other = {"t": 0.1, "name": ["finger"], "position": [0.02]}
+    found = list(servo.watch([other, {"t": 0.1, "q": [0.3, 1.2]}, other]))
+    assert [one.t for one in found] == [0.1]
 
 
 @pytest.mark.parametrize("message", [{}, [], 3, "3", {"t": 1, "name": ["a"], "position": [1]}])
