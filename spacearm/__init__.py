@@ -28,7 +28,7 @@ planning     plan detumble connected time_optimal Tracking collision_check Joint
 mission      feasible_attitudes reaction size_wheels level_reach level_envelope momentum_budget
              catch fly_many hold FeasibleAttitudes Reaction WheelSizing LevelReach LevelEnvelope
              MomentumBudget Target Catch TargetErrors CaptureEnvelope CatchRuns Held HeldReport
-             ClosedMap FollowedTarget TargetPlan TargetRun
+             ClosedMap FollowedTarget TargetPlan TargetRun Regrasp
 uncertainty  uncertain distance_range is_free_for_all free_box_for_all shell_bands robust_plan
              identify UncertainArm DistanceRange RobustCertificate ShellBands Identified
 sweeps       sweep Study

@@ -4,6 +4,7 @@ from spacearm.closure.held_report import ClosedMap as ClosedMap
 from spacearm.closure.held_report import HeldReport as HeldReport
 from spacearm.closure.holding import Held as Held
 from spacearm.closure.holding import hold as hold
+from spacearm.closure.regrasping import Regrasp as Regrasp
 from spacearm.closure.target_paths import FollowedTarget as FollowedTarget
 from spacearm.closure.target_plans import TargetPlan as TargetPlan
 from spacearm.closure.target_runs import TargetRun as TargetRun

@@ -105,6 +105,12 @@ def planned_target():
     )
 
 
+def regrasp():
+    target, _ = roomy(1, tries=1)
+    tip, free = target.arm.tips[0], sa.Constraints(limits=False)
+    return target.regrasp(tip, target.grasps[tip], approach=0.02, constraints=free)
+
+
 def run_of_target():
     target, _ = roomy(tries=1)
     law = sa.JointPD(target.q, kp=0.1, kd=0.1)
@@ -168,6 +174,7 @@ RESULTS = {
     "PrescribedMotion": lambda: sa.prescribed_motion(configuration(), {"joint_1": 0.1}),
     "Reaction": lambda: sa.reaction(motion()),
     "Reactionless": lambda: sa.Reactionless(target=(1.0, 1.0)),
+    "Regrasp": regrasp,
     "Region": lambda: workspace().regions([2.0, 0.0]),
     "ResolvedRate": lambda: sa.ResolvedRate(target=pin.SE3.Random()),
     "RiskProfile": lambda: sa.risk_profile(arm(), bins=3, samples=100),

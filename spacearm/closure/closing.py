@@ -152,6 +152,14 @@ class Gaps(NamedTuple):
         )
 
 
+def anywhere(arm: SpaceArm, limits: bool, rng: np.random.Generator) -> Array:
+    """Return random joint positions, within the limits or a turn."""
+    half = np.pi * joint_scales(arm)
+    bounded = np.isfinite(arm.lower) & np.isfinite(arm.upper) & limits
+    low = np.where(bounded, arm.lower, -half)
+    return rng.uniform(low, np.where(bounded, arm.upper, half))
+
+
 def named(target: Target | None) -> str:
     """Return the name of what is held."""
     return "the fixed world" if target is None else target.name

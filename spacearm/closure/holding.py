@@ -15,8 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, ArrayLike, Progress, generator
-from spacearm.closure.closing import Closure, Gaps, named, placed
+from spacearm.closure.closing import Closure, Gaps, anywhere, named, placed
 from spacearm.closure.held_report import ClosedMap, HeldReport, closed_map, held_report
+from spacearm.closure.regrasping import Regrasp, regrasp_target
 from spacearm.closure.target_paths import Carrying, FollowedTarget, Frame, follow_target
 from spacearm.closure.target_plans import TargetPlan, plan_target
 from spacearm.closure.target_runs import TargetRun, simulate_target
@@ -28,7 +29,6 @@ from spacearm.mechanics.target import Target
 from spacearm.model.arguments import FLOATING, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.frames import PoseLike, sound_pose
-from spacearm.model.joints import joint_scales
 from spacearm.model.task import ROWS, Task, with_length
 from spacearm.motion.controllers import Controller
 from spacearm.motion.following import Path
@@ -284,6 +284,49 @@ class Held(Result):
             integration=integration, progress=progress,
         )  # fmt: skip
 
+    def regrasp(
+        self,
+        tip: str,
+        grasp: str | PoseLike,
+        *,
+        approach: ArrayLike = 0.1,
+        closing: float = 0.02,
+        constraints: Constraints = Constraints(),
+        search: Search = Search(),
+    ) -> Regrasp:
+        """Find how one hand lets go and grasps another frame, while the others hold on.
+
+        The joints of the others are locked. The freed hand backs off, moves as `sa.plan` leads it,
+        with the target as what another hand carries, and closes in: three motions from rest to
+        rest, the spacecraft floating with the momentum that it has. Of postures at the grasp the
+        first one is taken to which a way is found. Where the fixed world is held, the spacecraft
+        stands on it: a step of a walk.
+
+        Args:
+            tip: The hand that lets go.
+            grasp: What it grasps: a grapple frame of the target, or a pose as of `sa.hold`.
+            approach: How far it backs off and closes in along its z axis [m]; or the way of the
+                hand as it closes in, (3,) in its own axes.
+            closing: Mean speed of that at most [m/s].
+            constraints: What must hold; see `plan`. Backing off and closing in, the hand may touch
+                the target. Obstacles rest.
+            search: Seed, timeout, method and progress; see `plan`.
+
+        Returns:
+            The three motions, with proofs of each. `after` of it is how the target is held then.
+
+        Raises:
+            ConfigurationError: An argument does not make sense, or nothing else holds.
+            UnsupportedError: An obstacle moves, or the freed arm has fewer joints than its task.
+            NoSolutionError: No way was found; says why, of the first postures that were tried.
+            StoppedError: Ctrl-C.
+        """
+        pose = _frame(self.target, tip, grasp)
+        return regrasp_target(
+            self.configuration, self.target, self.grasps, tip, pose,
+            approach=approach, closing=closing, constraints=constraints, search=search,
+        )  # fmt: skip
+
     def collision_check(
         self,
         motion: Motion | None = None,
@@ -316,15 +359,18 @@ class Held(Result):
         thing = carrying.start if motion is None else motion
         return contacts_of(thing, obstacles, carrying.touching, progress=progress)
 
-    def after(self, motion: Motion) -> Held:
-        """Return how the target is held where a motion of it ends.
+    def after(self, motion: Motion | Regrasp) -> Held:
+        """Return how the target is held where a motion of it ends, or after a hand has regrasped.
 
         Args:
-            motion: The motion, such as one of `follow`: of the same joints.
+            motion: The motion, such as one of `follow`: of the same joints; or what `regrasp`
+                returns.
 
         Raises:
             ConfigurationError: It is the motion of another arm.
         """
+        if isinstance(motion, Regrasp):
+            return _held(motion.end, motion.target, motion.grasps, 1)
         if motion.arm.joint_names != self.arm.joint_names:
             raise ConfigurationError(
                 f"motion is one of {motion.arm.name} with other joints; give one of this target, "
@@ -437,7 +483,7 @@ def hold(
     for tries in range(1, 2 + POSTURES):
         at = where
         if tries > 1:
-            q = start.q + (tries - 1) / POSTURES * (_anywhere(arm, limits, rng) - start.q)
+            q = start.q + (tries - 1) / POSTURES * (anywhere(arm, limits, rng) - start.q)
             if tries % 2 and not fixed:
                 at = kinematics(arm, q, pin.SE3.Identity()).tips[0] * hand
         cfg, there = placed(start, target, *closure.solved(q, at))
@@ -502,23 +548,15 @@ def _frames(
             f"grasps is {grasps!r}; give {{tip: frame}} for each tip of {arm.name}: "
             f"{listed(arm.tips)}; sa.load(source, tip=[...]) names other tips"
         )
-    frames = {}
-    for tip in arm.tips:
-        grasp = grasps[tip]
-        if isinstance(grasp, str) and target is None:
-            raise ConfigurationError(
-                f"grasp of {tip!r} is {grasp!r}; give a pose: the fixed world has no named frames"
-            )
-        if target is not None and isinstance(grasp, str):
-            frames[tip] = target.frame(grasp)
-        else:
-            frames[tip] = sound_pose(grasp, f"grasp of {tip!r}")
-    return frames
+    return {tip: _frame(target, tip, grasps[tip]) for tip in arm.tips}
 
 
-def _anywhere(arm: SpaceArm, limits: bool, rng: np.random.Generator) -> Array:
-    """Return random joint positions, within the limits or a turn."""
-    half = np.pi * joint_scales(arm)
-    bounded = np.isfinite(arm.lower) & np.isfinite(arm.upper) & limits
-    low = np.where(bounded, arm.lower, -half)
-    return rng.uniform(low, np.where(bounded, arm.upper, half))
+def _frame(target: Target | None, tip: str, grasp: str | PoseLike) -> pin.SE3:
+    """Return what a tip holds as a pose."""
+    if not isinstance(grasp, str):
+        return sound_pose(grasp, f"grasp of {tip!r}")
+    if target is None:
+        raise ConfigurationError(
+            f"grasp of {tip!r} is {grasp!r}; give a pose: the fixed world has no named frames"
+        )
+    return target.frame(grasp)

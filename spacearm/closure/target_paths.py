@@ -36,14 +36,18 @@ from spacearm.motion.motion_file import Quantity
 from spacearm.results import Cell, Description, Measure, Table
 
 
-def with_target(cfg: Configuration, target: Target, at: pin.SE3) -> tuple[Configuration, Tree]:
-    """Return a configuration with a target at a pose in the frame of its first tip, and its tree.
+def with_target(
+    cfg: Configuration, target: Target, at: pin.SE3, tip: str = ""
+) -> tuple[Configuration, Tree]:
+    """Return a configuration with a target at a pose in the frame of a tip, and its tree.
+
+    It is the first tip if none is named.
 
     The names of its links are made free of those of the arm.
     """
     tree, name = cfg.arm.whole, free_name("target", cfg.arm.whole.has)
     body = target.tree.renamed(lambda part: f"{name}_{part}")
-    arm = cfg.arm.on(tree.joined(body, name, cfg.arm.tips[0], at))
+    arm = cfg.arm.on(tree.joined(body, name, tip or cfg.arm.tips[0], at))
     return arm.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=cfg.momentum), body
 
 

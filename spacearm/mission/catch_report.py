@@ -21,7 +21,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.motion.controllers import Tracking
 from spacearm.motion.flights import Flight, Grasp, Phase, simulate_phases
 from spacearm.motion.following import Followed
-from spacearm.motion.motion import Motion
+from spacearm.motion.motion import Motion, joined
 from spacearm.motion.plant import Integration, Motors, Plant, WheelHold
 from spacearm.planning.reactions import Wheels
 from spacearm.planning.result import Plan
@@ -110,7 +110,7 @@ class Catch(Result, kw_only=True):
     @cached_property
     def approach(self) -> Motion:
         """The motion from the start to contact, as one."""
-        return joined(self.begin, self.plan, self.chase)
+        return joined(self.plan, self.chase, begin=self.begin)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the motion up to contact, as `Motion.save`.
@@ -306,13 +306,3 @@ def grasp_of(target: Target, t: float, tip: pin.SE3) -> Grasp:
     v, w = frame.twist[:3], frame.twist[3:]
     twist = np.concatenate((v + np.cross(w, frame.pose.rotation @ target.com), w))
     return Grasp(**in_hand(target, t, tip), twist=twist)
-
-
-def joined(begin: float, reach: Motion, chase: Motion) -> Motion:
-    """Return a wait until `begin` [s] and two motions, one after the other, as one."""
-    t = np.concatenate((begin + reach.t, begin + reach.t[-1] + chase.t[1:]))
-    q = np.concatenate((reach.q, chase.q[1:]))
-    base = np.concatenate((reach.base, chase.base[1:]))
-    if begin > 1e-9 * t[-1]:  # not by rounding
-        t, q, base = np.append(0.0, t), np.vstack((q[:1], q)), np.vstack((base[:1], base))
-    return Motion(reach.arm, t, q, base, mode=reach.mode)

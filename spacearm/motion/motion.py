@@ -425,6 +425,18 @@ class Motion(Result):
         return read_only(np.array([value(cfg) for cfg in self]))
 
 
+def joined(*motions: Motion, begin: float = 0.0) -> Motion:
+    """Return a wait until `begin` [s] and motions of one arm, one after the other, as one."""
+    first, rest = motions[0], motions[1:]
+    t, q, base = begin + first.t, first.q, first.base
+    for motion in rest:
+        t = np.append(t, t[-1] + motion.t[1:])
+        q, base = np.vstack((q, motion.q[1:])), np.vstack((base, motion.base[1:]))
+    if begin > 1e-9 * t[-1]:  # not by rounding
+        t, q, base = np.append(0.0, t), np.vstack((q[:1], q)), np.vstack((base[:1], base))
+    return Motion(first.arm, t, q, base, mode=first.mode)
+
+
 class Drifting(Motion, kw_only=True):
     """Base of planned motions of a spacecraft that may have momentum on board.
 
