@@ -10,6 +10,7 @@ import typer
 import spacearm as sa
 from spacearm.cli import options as opt
 from spacearm.cli.output import out, serve_until_interrupted, undisturbed, working
+from spacearm.closure.holding import closed_by_itself
 from spacearm.viewer.motions import WORDS
 from spacearm.viewer.session import opening_posture
 from spacearm.viewer.show import view as show
@@ -39,7 +40,8 @@ def view_configuration(
 ) -> None:
     """Show a posture or play a motion in the browser.
 
-    The page has sliders for the joints. Ctrl-C closes it.
+    The page has sliders for the joints. Of a robot whose file closes a chain they keep it closed.
+    Ctrl-C closes the page.
 
     Options:
         q ([Q1 Q2 ...]): Joint values [rad], with --deg in degrees; of sliding joints [m]; a
@@ -66,7 +68,8 @@ def view_configuration(
             raise sa.ConfigurationError("there is no motion to compare; give --motion")
         else:
             start = opt.joint_values(arm, q, deg) if q else opening_posture(arm)
-            viewer = show(arm.at(start, base=opt.spacecraft_pose(attitude, deg)), open=False)
+            cfg = arm.at(start, base=opt.spacecraft_pose(attitude, deg))
+            viewer = show(closed_by_itself(cfg) or cfg, open=False)
     viewer.session.fly = fly
     if save:
         out.print(f"wrote {viewer.save(save)}")

@@ -23,8 +23,8 @@ from spacearm.closure.target_plans import TargetPlan, plan_target
 from spacearm.closure.target_runs import TargetRun, simulate_target
 from spacearm.collisions.obstacles import ObstacleLike
 from spacearm.collisions.separation import CollisionReport, contacts_of
-from spacearm.description.loops import closed_chain
-from spacearm.errors import ConfigurationError, NoSolutionError, listed
+from spacearm.description.loops import chain_of, closed_chain
+from spacearm.errors import ConfigurationError, NoSolutionError, listed, warn
 from spacearm.mechanics.target import Target
 from spacearm.model.arguments import FLOATING, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
@@ -33,7 +33,7 @@ from spacearm.model.task import ROWS, Task, with_length
 from spacearm.motion.controllers import Controller
 from spacearm.motion.following import Path
 from spacearm.motion.motion import Motion
-from spacearm.motion.plant import Integration
+from spacearm.motion.plant import Integration, Plant
 from spacearm.planning.request import Constraints, Search
 from spacearm.results import Column, Description, Measure, Result, Table, joint_measures
 from spacearm.signatures import checked
@@ -246,6 +246,7 @@ class Held(Result):
         dq: ArrayLike | None = None,
         squeeze: Mapping[str, ArrayLike] | None = None,
         bears: Sequence[float] = (np.inf, np.inf),
+        plant: Plant = Plant(),
         integration: Integration = Integration(),
         progress: Callable[[float, float], object] | None = None,
     ) -> TargetRun:
@@ -267,7 +268,10 @@ class Held(Result):
                 the length of the task.
             bears: Largest force [N] and largest moment [N m] at a grasp. Beyond, the run ends:
                 the event "grasp".
-            integration: Tolerances, spacing of the output, and whether joint limits are noted.
+            plant: What acts besides: wheels, passive joints, and motor limits, which cut torques,
+                those that squeeze included; no wrenches.
+            integration: Tolerances, spacing of the output, and whether joint limits and full wheels
+                are noted.
             progress: Called after every step as progress(t, duration) [s].
 
         Returns:
@@ -276,11 +280,12 @@ class Held(Result):
         Raises:
             ConfigurationError: An argument does not make sense, rates open the grasps, or wrenches
                 that squeeze do not balance.
-            UnsupportedError: The fixed world is held.
+            UnsupportedError: The fixed world is held, or the plant has wrenches, or wheels that the
+                spacecraft has not.
             NoSolutionError: The step collapsed, or the balance of energy or momentum is off.
         """
         return simulate_target(
-            self._carrying, controller, duration, dq=dq, squeeze=squeeze, bears=bears,
+            self._carrying, controller, duration, dq=dq, squeeze=squeeze, bears=bears, plant=plant,
             integration=integration, progress=progress,
         )  # fmt: skip
 
@@ -498,6 +503,20 @@ def hold(
         f"{', or try limits=False' * limits}",
         best,
     )
+
+
+def closed_by_itself(start: Configuration) -> Held | None:
+    """Return a posture near a start in which the chain closes that its arm describes.
+
+    None if it describes none, or none closes within the joint limits, which is warned of.
+    """
+    if chain_of(start.arm.whole, start.arm.tips) is None:
+        return None
+    try:
+        return hold(start)
+    except NoSolutionError as error:
+        warn(f"the chain is shown open: {error}")
+        return None
 
 
 def _described(

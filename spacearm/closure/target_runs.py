@@ -26,9 +26,18 @@ from spacearm.arrays import Array, ArrayLike, finite, positive
 from spacearm.closure.closing import carried
 from spacearm.closure.target_paths import HELD, Carrying, gaps_table
 from spacearm.compiler import numbers
-from spacearm.equations.laws import quaternion_rate
-from spacearm.errors import ConfigurationError, NoSolutionError
-from spacearm.mechanics.dynamics import M_BB, bias_forces, generalized_velocity, mass_matrix, solve
+from spacearm.equations.laws import Pose, State, quaternion_rate
+from spacearm.equations.plant import cut_torques, held_attitude, taken, yielding
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
+from spacearm.mechanics.arm_kernels import structure_of
+from spacearm.mechanics.dynamics import (
+    M_BB,
+    bias_forces,
+    generalized_velocity,
+    mass_matrix,
+    motor_reactions,
+    solve,
+)
 from spacearm.model.arm import Configuration, kinematics
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
@@ -37,8 +46,9 @@ from spacearm.motion.events import Event, first_fall
 from spacearm.motion.goal import twist_between
 from spacearm.motion.motion import Trajectory, samples
 from spacearm.motion.motion_file import Quantity
-from spacearm.motion.plant import Integration
+from spacearm.motion.plant import Integration, Plant, wheel_torques
 from spacearm.motion.simulation import OUTPUTS, audit
+from spacearm.motion.system import System, prepared
 from spacearm.results import Column, Description, Table
 
 #: Rate at which open grasps close [1/s].
@@ -81,7 +91,12 @@ def onto_closure(cfg: Configuration, v: Array) -> Array:
 
 
 def closed_state(
-    carrying: Carrying, cfg: Configuration, v: Array, tau: Array, squeeze: Array | None
+    carrying: Carrying,
+    cfg: Configuration,
+    v: Array,
+    tau: Array,
+    squeeze: Array | None,
+    others: Array | None = None,
 ) -> ClosedState:
     """Compute accelerations and the wrenches of the hands on the target.
 
@@ -92,6 +107,7 @@ def closed_state(
         tau: (n,) joint torques [N m] or [N].
         squeeze: (tips, 6) the balanced wrenches wanted, inertial axes; None for those that tau
             brings.
+        others: (6 + n,) generalized forces of all else that acts; None for none.
     """
     arm, tips = cfg.arm, cfg.tips
     M, c, C = mass_matrix(cfg), bias_forces(cfg, v, None), closure_rows(cfg)
@@ -107,7 +123,7 @@ def closed_state(
         bias.append(
             drift[i] - carried(lever) @ drift[0] - turning + 2.0 * PULL * opens + PULL**2 * open_
         )
-    force = np.concatenate((np.zeros(6), tau)) - c
+    force = np.concatenate((np.zeros(6), tau)) - c + (0.0 if others is None else others)
     X = solve(arm, M, np.column_stack((C.T, force)), M_BB)
     X, free = X[:, :-1], X[:, -1]
     impulse = -np.linalg.lstsq(C @ X, np.concatenate(bias) + C @ free, rcond=ROUNDING)[0]
@@ -173,7 +189,6 @@ def _weight(carrying: Carrying, cfg: Configuration, v: Array, acceleration: Arra
 OPENING, STILL = 1e-6, 1e-9
 #: Share of wrenches up to which they count as balanced.
 UNBALANCED = 1e-6
-ENDS = ("grasp", "joint limit")
 
 
 class TargetRun(Trajectory, kw_only=True):
@@ -199,6 +214,14 @@ class TargetRun(Trajectory, kw_only=True):
         **{name: HELD[name] for name in ("target", "gap", "gap_angle")},
     }
 
+    @property
+    def overloaded(self) -> list[str]:
+        """Joints whose torque reaches the largest of the description in some row."""
+        arm, most = self.arm, np.abs(self.torque).max(axis=0)
+        effort = np.array([arm.tree.joints[name].effort for name in arm.joint_names])
+        full = most >= (1.0 - ROUNDING) * effort
+        return [name for name, over in zip(arm.joint_names, full, strict=True) if over]
+
     not_checked = "collisions; singular postures of the closed chain: Held.after(run).report()"
 
     def describe(self) -> Description:
@@ -210,11 +233,21 @@ class TargetRun(Trajectory, kw_only=True):
             rows.append((tip, force, moment))
         columns = (Column("tip"), Column("largest force", "N"), Column("largest moment", "N m"))
         table = Table(columns, rows, "What the grasps bear")
-        return replace(motion, tables=[*motion.tables, gaps_table(self), table])
+        notes, over = [*motion.notes], self.overloaded
+        if over:
+            notes.append(
+                f"the largest torque of the description is reached by {listed(over)}; "
+                "sa.Plant(limits=True) cuts what is beyond, and neither what the law asks for nor "
+                "squeeze is kept then"
+            )
+        return replace(motion, notes=notes, tables=[*motion.tables, gaps_table(self), table])
 
 
 class _Run:
-    """The state y = (q, dq, spacecraft's place, quaternion and twist, work, work exchanged)."""
+    """The state y = (q, dq, spacecraft's place, quaternion and twist, works, wheels).
+
+    Works are that of the torques, that of all else, and all that came and went.
+    """
 
     def __init__(
         self,
@@ -223,10 +256,18 @@ class _Run:
         squeeze: Array | None,
         bears: Array,
         events: Sequence[str],
+        plant: Plant,
     ) -> None:
         self.carrying, self.controller, self.squeeze = carrying, controller, squeeze
         self.bears, self.n = bears, carrying.arm.n
-        self.events = [kind for kind in ENDS if kind == "grasp" or kind in events]
+        self.system = System(carrying.start, plant=plant)
+        ready = prepared(self.system, trace=False)
+        self.setup, shapes = ready.setup, ready.setup.plant_shapes(self.n)
+        self.given = taken(ready.plant, shapes)
+        self.capacity = self.given["capacity"] if self.setup.holds else np.full(1, np.inf)
+        known = {"joint limit": "joint limit" in events}
+        known["wheel full"] = "wheel full" in events and bool(np.isfinite(self.capacity).any())
+        self.events = ["grasp", *(kind for kind, looked_for in known.items() if looked_for)]
 
     def start(self, dq: Array) -> Array:
         """Return the state at the start.
@@ -243,7 +284,8 @@ class _Run:
                 "closed, such as those of Held.follow, or None to start at rest"
             )
         v = onto_closure(cfg, v)
-        return np.concatenate((cfg.q, v[6:], pin.SE3ToXYZQUAT(cfg.base), v[:6], np.zeros(2)))
+        works = np.zeros(3)
+        return np.concatenate((cfg.q, v[6:], pin.SE3ToXYZQUAT(cfg.base), v[:6], works, cfg.wheels))
 
     def parts(self, y: Array) -> tuple[Configuration, Array]:
         """Return configuration and velocities (6 + n,) of a state."""
@@ -251,11 +293,10 @@ class _Run:
         x, turn = y[2 * n : 2 * n + 3], y[2 * n + 3 : 2 * n + 7]
         R = pin.Quaternion(turn / np.linalg.norm(turn)).matrix()
         cfg = kinematics(self.carrying.arm, y[:n].copy(), pin.SE3(R, x.copy()))
-        start = self.carrying.start
-        if start.momentum.any():
-            cfg = cfg.with_momentum(start.momentum)
-        if start.wheels.any():
-            cfg = cfg.with_wheels(start.wheels)
+        if (momentum := self.carrying.start.momentum).any():
+            cfg = cfg.with_momentum(momentum)
+        if (wheels := y[2 * n + 16 :]).any():
+            cfg = cfg.with_wheels(wheels)
         return cfg, np.concatenate((y[2 * n + 7 : 2 * n + 13], y[n : 2 * n]))
 
     def closed(self, y: Array) -> Array:
@@ -267,24 +308,50 @@ class _Run:
         y[2 * n + 7 : 2 * n + 13], y[n : 2 * n] = v[:6], v[6:]
         return y
 
-    def state(self, t: float, cfg: Configuration, v: Array) -> ClosedState:
-        """Return accelerations and forces in a state."""
+    def others(self, t: float, cfg: Configuration, v: Array) -> tuple[Array, Array]:
+        """Return what wheels take up (w,), and generalized forces (6 + n,) of them and joints."""
+        base, tree = Pose(cfg.base.rotation, cfg.base.translation), structure_of(cfg.arm)
+        at: Any = None
+        now = State(tree, at, t, None, cfg.q, v[6:], base, cfg.com, (), cfg.wheels, cfg.momentum,
+                    self.given, [])  # fmt: skip
+        taken_up = np.zeros(len(cfg.arm.wheels))
+        if self.system.motors is not None:
+            taken_up = wheel_torques(self.system.motors(t), len(taken_up))
+        elif self.setup.holds:
+            taken_up = np.asarray(held_attitude(numbers, now, v[3:6]))
+        give = np.concatenate((np.zeros(6), yielding(numbers, now, self.setup)))
+        return taken_up, give + (motor_reactions(cfg, taken_up) if taken_up.any() else 0.0)
+
+    def state(self, t: float, cfg: Configuration, v: Array, others: Array) -> ClosedState:
+        """Return accelerations and forces in a state, under other forces (6 + n,)."""
         tau = joint_vector(cfg.arm, self.controller(t, cfg, v[6:].copy()), "controller")
         R = self.carrying.frame(cfg).rotation
         squeeze = self.squeeze
         if squeeze is not None:
             squeeze = (squeeze.reshape(-1, 3) @ R.T).reshape(squeeze.shape)
-        return closed_state(self.carrying, cfg, v, tau, squeeze)
+            found = closed_state(self.carrying, cfg, v, tau, squeeze, others)
+            tau = found.tau
+        cut = self._cut(tau, v[6:])
+        if squeeze is not None and (cut == tau).all():
+            return found
+        return closed_state(self.carrying, cfg, v, cut, None, others)
+
+    def _cut(self, tau: Array, dq: Array) -> Array:
+        """Return torques (n,) as the motors give them."""
+        if not self.setup.limits:
+            return tau
+        return np.asarray(cut_torques(numbers, tau, dq, self.given["effort"], self.given["speed"]))
 
     def rate(self, t: float, y: Array) -> Array:
         """Return the derivative of the state by time."""
         cfg, v = self.parts(y)
-        now, n = self.state(t, cfg, v), self.n
+        taken_up, others = self.others(t, cfg, v)
+        now, n = self.state(t, cfg, v, others), self.n
         turning = quaternion_rate(numbers, y[2 * n + 3 : 2 * n + 7], v[3:6])
-        power = float(now.tau @ v[6:])
+        power = np.array([now.tau @ v[6:], others @ v])
         return np.concatenate(
             (v[6:], now.dv[6:], cfg.base.rotation @ v[:3], turning, now.dv[:6],
-             [power, abs(power)])
+             power, [np.abs(power).sum()], taken_up)
         )  # fmt: skip
 
     def rooms(self, t: float, y: Array) -> Array:
@@ -293,9 +360,12 @@ class _Run:
         arm, room = cfg.arm, []
         for kind in self.events:
             if kind == "grasp":
-                w = self.state(t, cfg, v).wrenches if np.isfinite(self.bears).any() else None
-                loads = np.zeros(2) if w is None else _loads(w).max(axis=0)
+                loads = np.zeros(2)
+                if np.isfinite(self.bears).any():
+                    loads = _loads(self.state(t, cfg, v, self.others(t, cfg, v)[1]).wrenches).max(0)
                 room.append(float(np.min(self.bears - loads)))
+            elif kind == "wheel full":
+                room.append(float(np.min(self.capacity - np.abs(cfg.wheels))))
             else:
                 room.append(float(np.minimum(arm.upper - cfg.q, cfg.q - arm.lower).min()))
         return np.array(room)
@@ -307,7 +377,10 @@ class _Run:
         if kind == "joint limit":
             j = int(np.minimum(arm.upper - cfg.q, cfg.q - arm.lower).argmin())
             return Event(t, kind, cfg.q, arm.joint_names[j])
-        loads = _loads(self.state(t, cfg, v).wrenches)
+        if kind == "wheel full":
+            i = int((self.capacity - np.abs(cfg.wheels)).argmin())
+            return Event(t, kind, cfg.q, arm.wheels[i].name)
+        loads = _loads(self.state(t, cfg, v, self.others(t, cfg, v)[1]).wrenches)
         tip, what = np.unravel_index(int((loads / self.bears).argmax()), loads.shape)
         unit = ("N", "N m")[int(what)]
         return Event(t, kind, cfg.q, f"{arm.tips[int(tip)]}: {loads[tip, what]:.4g} {unit}")
@@ -321,6 +394,7 @@ def simulate_target(
     dq: ArrayLike | None,
     squeeze: Mapping[str, ArrayLike] | None,
     bears: Sequence[float],
+    plant: Plant,
     integration: Integration,
     progress: Callable[[float, float], object] | None,
 ) -> TargetRun:
@@ -331,7 +405,12 @@ def simulate_target(
         raise ConfigurationError(f"bears is {bears!r}; give a force [N] and a moment [N m] above 0")
     rates = np.zeros(arm.n) if dq is None else joint_vector(arm, dq, "dq")
     wanted = None if squeeze is None else _squeeze(carrying, squeeze)
-    run = _Run(carrying, controller, wanted, most, integration.events)
+    if plant.pushed:
+        raise UnsupportedError(
+            f"wrenches on {listed([link for link, *_ in plant.pushed])} are not simulated with a "
+            "held target; give wheels, passive and limits of the plant only"
+        )
+    run = _Run(carrying, controller, wanted, most, integration.events, plant)
     y, dt = run.start(rates), integration.dt or duration / OUTPUTS
     if dt > duration:
         raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
@@ -376,9 +455,11 @@ def simulate_target(
 def _result(run: _Run, t: Array, states: Array, events: tuple[Event, ...], ended: str) -> TargetRun:
     """Return the rows of a run."""
     carrying, n = run.carrying, run.n
-    arm, m, w = carrying.arm, len(t), len(carrying.arm.wheels)
+    arm, m = carrying.arm, len(t)
     pairs = [run.parts(y) for y in states]
-    found = [run.state(s, *pair) for s, pair in zip(t, pairs, strict=True)]
+    acting = [run.others(s, *pair) for s, pair in zip(t, pairs, strict=True)]
+    found = [run.state(s, *pair, others) for s, pair, (_, others)
+             in zip(t, pairs, acting, strict=True)]  # fmt: skip
     energy = np.array([0.5 * v @ mass_matrix(cfg) @ v for cfg, v in pairs])
     wrenches = np.array([one.wrenches for one in found])
     closure: dict[str, Any] = {**carrying.account([cfg for cfg, _ in pairs])}
@@ -391,12 +472,12 @@ def _result(run: _Run, t: Array, states: Array, events: tuple[Event, ...], ended
         torque=np.array([one.tau for one in found]),
         momentum=np.array([cfg.A @ v + cfg.stored for cfg, v in pairs]),
         impulse=np.zeros((m, 6)),
-        wheels=np.tile(carrying.start.wheels, (m, 1)),
-        wheel_torque=np.zeros((m, w)),
+        wheels=states[:, 2 * n + 16 :].copy(),
+        wheel_torque=np.array([taken_up for taken_up, _ in acting]),
         energy=energy,
-        work=states[:, -2].copy(),
-        other_work=np.zeros(m),
-        exchanged=float(states[-1, -1]),
+        work=states[:, 2 * n + 13].copy(),
+        other_work=states[:, 2 * n + 14].copy(),
+        exchanged=float(states[-1, 2 * n + 15]),
         events=events,
         ended=ended,
         grasps={tip: wrenches[:, i].copy() for i, tip in enumerate(arm.tips)},

@@ -134,16 +134,21 @@ def _start(tree: Tree, link: str) -> pin.SE3:
     return tree.frames[link].actInv(tree.frames[tree.body_of[link]])
 
 
+def chain_of(tree: Tree, tips: Sequence[str]) -> ClosedChain | None:
+    """Return the closed chain of these tips that a description has; None if it has none."""
+    try:
+        chain = closed_chain(tree)
+    except ModelError:
+        return None
+    return chain if chain and set(chain.tips) == set(tips) else None
+
+
 def open_loops(tree: Tree, tips: Sequence[str]) -> str:
     """Say which loops are open of a robot with these tips, and where they are closed, if any."""
     if not tree.loops:
         return ""
     names = listed([loop.name for loop in tree.loops])
-    try:
-        chain = closed_chain(tree)
-    except ModelError:
-        chain = None
-    if chain and set(chain.tips) == set(tips):
+    if chain_of(tree, tips):
         return (
             f"a chain is closed by {names}: sa.hold(arm.at(q)) keeps it closed, everything else "
             f"takes the tips {listed(tips)} as free"

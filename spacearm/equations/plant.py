@@ -182,19 +182,24 @@ def _asked(xp: Any, now: State, setup: Setup, calls: Calls) -> Any:
     return tau
 
 
-def _cut(xp: Any, now: State, setup: Setup, tau: Any) -> Any:
-    """Cut torques to what the joints can give at their rates."""
-    dq, given = now.dq, now.given
-    if setup.limits:
-        tau = xp.minimum(xp.maximum(tau, -given["effort"]), given["effort"])
-        share = xp.absolute(dq) / given["speed"]
-        rest = xp.maximum((1.0 - share) / (1.0 - SLOWING), 0.0)
-        drives = xp.logical_and(share > SLOWING, tau * dq > 0.0)
-        tau = tau * xp.where(drives, rest, 1.0)
-    return tau
+def cut_torques(xp: Any, tau: Any, dq: Any, effort: Any, speed: Any) -> Any:
+    """Cut torques (n,) to what joints can give at their rates, of the largest of both."""
+    tau = xp.minimum(xp.maximum(tau, -effort), effort)
+    share = xp.absolute(dq) / speed
+    rest = xp.maximum((1.0 - share) / (1.0 - SLOWING), 0.0)
+    drives = xp.logical_and(share > SLOWING, tau * dq > 0.0)
+    return tau * xp.where(drives, rest, 1.0)
 
 
-def _yield(xp: Any, now: State, setup: Setup) -> Any:
+def _given(xp: Any, now: State, setup: Setup, calls: Calls, held: Any) -> Any:
+    """Compute the torques (n,) of the motors, those of the laws if none are held."""
+    tau = _asked(xp, now, setup, calls) if held is None else held
+    if not setup.limits:
+        return tau
+    return cut_torques(xp, tau, now.dq, now.given["effort"], now.given["speed"])
+
+
+def yielding(xp: Any, now: State, setup: Setup) -> Any:
     """Compute the torques (n,) of springs, damping and dry friction."""
     if not setup.passive:
         return np.zeros(now.tree.n)
@@ -223,8 +228,8 @@ def state_rate(
     """
     now = moving(xp, tree, p, t, y, laws, plant, setup)
     R = now.base.rotation
-    tau = _cut(xp, now, setup, _asked(xp, now, setup, calls) if held is None else held)
-    give, dq = _yield(xp, now, setup), now.dq
+    tau = _given(xp, now, setup, calls, held)
+    give, dq = yielding(xp, now, setup), now.dq
     wheels = list(_wheels(now, setup))
     pushes = list(_pushes(xp, now, setup, calls))
     loads = _loads(xp, now, wheels, pushes)
@@ -325,17 +330,22 @@ def _motors(xp: Any, now: State, setup: Setup, calls: Calls, nu: Any) -> list[An
     Wheels that hold turn the spacecraft by -K phi - C w_0, phi the rotation vector from its
     attitude at the start. A wheel that holds all that it can takes no more.
     """
-    given, R = now.given, now.base.rotation
     if setup.motors is not None:
         return [*_over_time(xp, setup.motors, calls.get("motors"), now.t)]
     if not setup.holds:
         return [0.0] * len(setup.wheels)
+    return [*held_attitude(xp, now, nu[0, 3:])]
+
+
+def held_attitude(xp: Any, now: State, spin: Any) -> Any:
+    """Compute the torques (w,) of wheels that hold the attitude, w_0 (3,) being that of `spin`."""
+    given, R = now.given, now.base.rotation
     phi = R.T @ control.rotation_vector(xp, given["level"], R)
-    asked = given["spread"] @ (given["hold"][0] * phi + given["hold"][1] * nu[0, 3:])
+    asked = given["spread"] @ (given["hold"][0] * phi + given["hold"][1] * spin)
     asked = xp.minimum(xp.maximum(asked, -given["torque"]), given["torque"])
     momentum = now.wheels
     full = xp.logical_and(xp.absolute(momentum) >= given["capacity"], asked * momentum > 0.0)
-    return [*xp.where(full, 0.0, asked)]
+    return xp.where(full, 0.0, asked)
 
 
 def event_values(
@@ -381,7 +391,7 @@ def observe(
     """
     now = moving(xp, tree, p, t, y, laws, plant, setup)
     at, R = now.at, now.base.rotation
-    tau = _cut(xp, now, setup, _asked(xp, now, setup, calls) if held is None else held)
+    tau = _given(xp, now, setup, calls, held)
     loads = _loads(xp, now, list(_wheels(now, setup)), [])
     nu, _ = twists(xp, tree, at, now.dq, loads)
     brought = at.P.T @ (tree.gains @ now.dq)

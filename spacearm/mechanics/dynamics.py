@@ -282,6 +282,22 @@ def bias_forces(cfg: Configuration, v: Array, wrenches: Wrenches | None) -> Arra
     return c
 
 
+def motor_reactions(cfg: Configuration, torques: Array) -> Array:
+    """Compute the generalized forces (6 + n,) by which the motors of wheels push off.
+
+    Args:
+        cfg: The configuration.
+        torques: (w,) what each wheel takes up [N m].
+    """
+    arm, data = cfg.arm, cfg.arm.borrow()
+    force = np.zeros(6 + arm.n)
+    for wheel, torque in zip(arm.wheels, torques, strict=True):
+        args = arm.model, data, cfg.full_at_origin, wheel.frame, pin.LOCAL
+        force -= arm.project(pin.computeFrameJacobian(*args)[3:]).T @ (torque * wheel.axis)
+    arm.give_back(data)
+    return force
+
+
 def _state(
     cfg: Configuration, v: Array, wrenches: Wrenches | None, f: int
 ) -> tuple[Array, Array, Array, Array]:

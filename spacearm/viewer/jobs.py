@@ -12,6 +12,8 @@ from typing import Any
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.closure.holding import Held
+from spacearm.closure.target_plans import TargetPlan
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import ConfigurationError, SpaceArmError, unknown
 from spacearm.mission.attitudes import feasible_attitudes
@@ -23,6 +25,7 @@ from spacearm.processes import Process, Progress, WorkerError
 from spacearm.singularities.joint_boxes import free_box
 from spacearm.singularities.risk import risk_profile
 from spacearm.viewer.motions import some
+from spacearm.viewer.session import HeldSession
 from spacearm.viewer.stage import Stage
 from spacearm.workspaces.path_dependent import workspace
 
@@ -147,20 +150,32 @@ def plan_to(
     )
 
 
-def planning(stage: Stage) -> tuple[Callable[..., Plan], str]:
+def lead_to(
+    held: Held, goal: pin.SE3, obstacles: tuple[Obstacle, ...], progress: Progress
+) -> TargetPlan:
+    """Return a motion of what is held to a pose."""
+    within = Constraints(obstacles=obstacles)
+    return held.plan(goal, constraints=within, search=Search(timeout=LONGEST, progress=progress))
+
+
+def planning(stage: Stage) -> tuple[Callable[..., Plan | TargetPlan], str]:
     """Return what plans a motion from the posture on show to the goal, and the same as code.
 
     Raises:
         ConfigurationError: There is no goal.
     """
-    start, goal = _at_rest(stage.session.cfg), _goal(stage).copy()
+    session, goal = stage.session, _goal(stage).copy()
+    start = _at_rest(session.cfg)
     pose = ", ".join(repr(float(x)) for x in pin.SE3ToXYZQUAT(goal))
     missing = "  # without the obstacles on show: give them by constraints="
     code = (
-        f"{stage.session.as_python(start)}goal = pin.XYZQUATToSE3(np.array([{pose}]))\n"
+        f"{session.as_python(start)}goal = pin.XYZQUATToSE3(np.array([{pose}]))\n"
         f"plan = sa.plan(cfg, goal, search=sa.Search(timeout={LONGEST:g}))"
         f"{missing * bool(stage.obstacles)}\n"
     )
+    if isinstance(session, HeldSession):
+        code = code.replace("plan = sa.plan(cfg, ", "# plan = sa.hold(cfg, target, grasps).plan(")
+        return partial(lead_to, session.held, goal, stage.obstacles), code
     return partial(plan_to, start, goal, stage.obstacles), code
 
 

@@ -7,22 +7,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.closure.closing import Closure, Gaps, closed_motions, placed
+from spacearm.closure.held_report import held_report, nearest_closed
+from spacearm.closure.holding import CLOSED, Held, hold
+from spacearm.closure.target_paths import with_target
 from spacearm.errors import ConfigurationError, listed, require_known, unknown
 from spacearm.mechanics.jacobian import task_jacobian
+from spacearm.mechanics.target import Target
 from spacearm.model.arguments import BaseMode
-from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.arm import Configuration, SpaceArm, kinematics
+from spacearm.model.joints import joint_scales
 from spacearm.motion.motion import Motion
 from spacearm.results import short_names
 from spacearm.servo.servo import FRAMES
 from spacearm.singularities.joint_boxes import FreeBox
 from spacearm.singularities.nearest import NearestSingular, angle
-from spacearm.singularities.report import SingularityReport, searched, singularity
+from spacearm.singularities.report import (
+    TOLERANCE,
+    SingularityReport,
+    searched,
+    singularity,
+)
 from spacearm.singularities.sets import nearest_on_way
 from spacearm.viewer import readouts
 from spacearm.viewer.choices import Origin, number, numbers, placement
@@ -81,7 +94,7 @@ class Session:
             "spacecraft": self._spacecraft,
             "home": lambda _: self._home(),
             "nearest": lambda _: self._nearest(),
-            "random": lambda _: self.go(self._rng.uniform(*self.range)),
+            "random": lambda _: self._random(),
         }
         self.show(cfg)
 
@@ -105,7 +118,24 @@ class Session:
                 f"a joint would move by {way:.4g} rad or m; the spacecraft is followed over at "
                 f"most {LONGEST:g}: switch to posture"
             )
-        self.show(moved(self.cfg, q, self._moves))
+        self.show(self.moved(self.cfg, q))
+
+    @property
+    def led(self) -> bool:
+        """Whether there is one thing that can be dragged: a tip, or what several hold."""
+        return len(self.arm.tips) == 1
+
+    def place(self, cfg: Configuration) -> pin.SE3:
+        """Return the pose of what is dragged; of several tips that of the first."""
+        return cfg.tips[0]
+
+    def jacobian(self, cfg: Configuration) -> Array:
+        """Return the task's rows (k, n) of its twist by the joint rates."""
+        return task_jacobian(cfg, mode=self._moves)
+
+    def moved(self, cfg: Configuration, q: Array) -> Configuration:
+        """Return a configuration after the joints have moved straight to q (n,)."""
+        return moved(cfg, q, self._moves)
 
     @property
     def home(self) -> Array:
@@ -151,6 +181,10 @@ class Session:
         self._move(indices, values)
 
     def _move(self, indices: Sequence[object], values: Sequence[object]) -> None:
+        self.go(self._wanted(indices, values))
+
+    def _wanted(self, indices: Sequence[object], values: Sequence[object]) -> Array:
+        """Return the joint positions on show with some changed, which are checked."""
         q = self.cfg.q.copy()
         for index, given in zip(indices, values, strict=True):
             value, j = number(given, "value"), readouts.joint_number(index, self.arm)
@@ -162,17 +196,19 @@ class Session:
                 name = self.arm.joint_names[j]
                 raise ConfigurationError(f"{name} at {at} is outside its range ({low} to {high})")
             q[j] = value
-        self.go(q)
+        return q
 
     def _grab(self, message: dict[str, Any]) -> None:
         """Pull the tip by a shift [m] and a turn [rad] from where it was grabbed."""
+        if not self.led:
+            self.arm.require_one_tip()
         grip = number(message.get("grip"), "grip")
         if grip != self._grip or self._grabbed is None:
-            self._grip, self._grabbed = grip, self.cfg.tip
+            self._grip, self._grabbed = grip, self.place(self.cfg)
         shift, turn = (numbers(message.get(x) or [0.0] * 3, 3, x) for x in ("shift", "turn"))
         grabbed = self._grabbed
         goal = pin.SE3(pin.exp3(turn) @ grabbed.rotation, grabbed.translation + shift)
-        cfg, why = pulled(self.cfg, goal, self._moves, self.range)
+        cfg, why = pulled(self, goal)
         held = self.spacecraft == "free-floating" and self.mode == "posture"
         does = "holds its attitude" if held else f"is {self.spacecraft}"
         self.blocked = why and f"{why}, while the spacecraft {does}"
@@ -213,7 +249,9 @@ class Session:
 
     def _goal(self, message: dict[str, Any]) -> None:
         """Set the goal of plans: the tip's pose, with a position and an attitude if given."""
-        goal = self.cfg.tip.copy()
+        if not self.led:
+            self.arm.require_one_tip()
+        goal = self.place(self.cfg).copy()
         if message.get("position") is not None:
             goal.translation = numbers(message["position"], 3, "position")
         if message.get("rpy") is not None:
@@ -251,6 +289,9 @@ class Session:
         else:
             self.go(self.home)
 
+    def _random(self) -> None:
+        self.go(self._rng.uniform(*self.range))
+
     def _nearest(self) -> None:
         """Go to the nearest singular configuration in joint space, inside the limits or not."""
         found = self.report
@@ -265,7 +306,7 @@ class Session:
     def about(self) -> dict[str, Any]:
         """Return what the panel needs once: model, task, unit and joints."""
         return {
-            **readouts.about(self.arm),
+            **readouts.about(self.arm, self.led),
             "joints": readouts.joints(self.arm, *self.range),
             "fly": self.fly,
         }
@@ -290,7 +331,7 @@ class Session:
             "flight": self._flown(),
             "goal": None if self.goal is None else readouts.pose(self.goal),
             "box": self.box and readouts.ranges(self.box, self.cfg.q, *self.range),
-            **readouts.readout(self.report),
+            **readouts.readout(self.report, self.place(self.cfg), self.led),
             "python": code,
         }
 
@@ -312,34 +353,33 @@ LESS = 1.0 - 1e-6
 BENDS = (0.1, -0.1, 0.02, -0.02)
 
 
-def pulled(
-    cfg: Configuration, goal: pin.SE3, mode: BaseMode, bounds: tuple[Array, Array]
-) -> tuple[Configuration, str]:
-    """Bring the tip to a pose, or as near as it comes from here, along the rows of the task.
+def pulled(session: Session, goal: pin.SE3) -> tuple[Configuration, str]:
+    """Bring what is dragged to a pose, or as near as it comes, along the rows of the task.
 
-    Levenberg's and Marquardt's method: steps along lost directions are damped away, and the tip
-    slides along those that are left. Joints stop at their bounds.
+    Levenberg's and Marquardt's method: steps along lost directions are damped away, and it slides
+    along those that are left. Joints stop at the ends of their ranges.
 
     Args:
-        cfg: Where the arm is.
-        goal: Pose of the tip in the inertial frame.
-        mode: What the spacecraft does.
-        bounds: (n,) lower and upper joint positions.
+        session: What is on show.
+        goal: The pose in the inertial frame.
 
     Returns:
-        The configuration, and why the tip is not where it was pulled to; empty if it is.
+        The configuration, and why it is not where it was pulled to; empty if it is.
     """
-    lower, upper = bounds
+    cfg, (lower, upper) = session.cfg, session.range
+
+    def left_of(cfg: Configuration) -> Array:
+        return _error(cfg, session.place(cfg), goal)
 
     def tried(step: Array) -> tuple[Configuration, Array, float]:
-        trial = moved(cfg, np.clip(cfg.q + step, lower, upper), mode)
-        left = _error(trial, goal)
+        trial = session.moved(cfg, np.clip(cfg.q + step, lower, upper))
+        left = left_of(trial)
         return trial, left, float(np.linalg.norm(left))
 
-    error, damping, stopped = _error(cfg, goal), START, np.zeros(cfg.arm.n, dtype=bool)
+    error, damping, stopped = left_of(cfg), START, np.zeros(cfg.arm.n, dtype=bool)
     size, largest = float(np.linalg.norm(error)), 0.0
     for _ in range(MOST_STEPS):
-        J = task_jacobian(cfg, mode=mode)
+        J = session.jacobian(cfg)
         largest = float(np.linalg.norm(J, 2))
         if size <= 0.1 * CLOSE * largest:
             break
@@ -348,7 +388,7 @@ def pulled(
         step = np.linalg.solve(normal, J.T @ error)
         step *= min(1.0, STRIDE / max(float(np.abs(step).max()), 1e-12))
         found = tried(step)
-        hit = (found[0].q != cfg.q + step) & ~stopped
+        hit = (np.clip(cfg.q + step, lower, upper) != cfg.q + step) & ~stopped
         if found[2] < size * LESS:
             (cfg, error, size), damping = found, max(0.2 * damping, 1e-9)
         elif hit.any():
@@ -361,27 +401,25 @@ def pulled(
             if found[2] >= size * LESS:
                 break
             (cfg, error, size), damping = found, START
-    return cfg, _reason(cfg, error, largest, mode, bounds)
+    return cfg, _reason(session, cfg, error, largest)
 
 
-def _error(cfg: Configuration, goal: pin.SE3) -> Array:
+def _error(cfg: Configuration, place: pin.SE3, goal: pin.SE3) -> Array:
     """Return the task's rows (k,) of the twist that leads to a goal in one second, scaled."""
-    way = goal.translation - cfg.tip.translation
-    turn = pin.log3(goal.rotation @ cfg.tip.rotation.T)
+    way = goal.translation - place.translation
+    turn = pin.log3(goal.rotation @ place.rotation.T)
     twist = np.concatenate((way, turn))[:, None]
-    task = cfg.arm.task
+    task = replace(cfg.arm.task, tips=1)
     return (task.scale * task.components(twist, task.axes(cfg.base.rotation)))[:, 0]
 
 
-def _reason(
-    cfg: Configuration, error: Array, largest: float, mode: BaseMode, bounds: tuple[Array, Array]
-) -> str:
-    """Return why the tip is not at its goal; empty if it is."""
+def _reason(session: Session, cfg: Configuration, error: Array, largest: float) -> str:
+    """Return why what is dragged is not at its goal; empty if it is."""
     if np.linalg.norm(error) <= CLOSE * largest:
         return ""
-    arm, (lower, upper) = cfg.arm, bounds
+    arm, (lower, upper) = cfg.arm, session.range
     room = 1e-6 * (upper - lower)
-    pull = task_jacobian(cfg, mode=mode).T @ error
+    pull = session.jacobian(cfg).T @ error
     pushed = ((cfg.q >= upper - room) & (pull > 0.0)) | ((cfg.q <= lower + room) & (pull < 0.0))
     if pushed.any():
         names = short_names(arm.joint_names)
@@ -431,3 +469,161 @@ def _distance(arm: SpaceArm, q: Array) -> float:
     """Return the distance to the singular set, 0 where it is singular by rounding alone."""
     report = singularity(arm.at(q))
     return report.distance if report.kind == "regular" else 0.0
+
+
+# --- arms that hold one thing -------------------------------------------------------------------
+
+#: Most steps by which a slider moves a joint of a closed chain, and how near it comes [rad], [m].
+CLOSING, NEAR_VALUE = 30, 1e-4
+#: Most random postures that are tried until one closes.
+RANDOM = 20
+
+
+class HeldSession(Session):
+    """A session of arms that hold one thing, which is dragged; all that moves keeps the grasps.
+
+    Its report is that of what is held: its directions, and distances along closure.
+
+    Args:
+        held: What is held, and how.
+    """
+
+    def __init__(self, held: Held) -> None:
+        cfg, self._target, self._grasps = held.configuration, held.target, held.grasps
+        self._free = cfg.arm
+        limits = not cfg.outside_limits
+        self._closure = Closure(cfg.arm, tuple(self._grasps.values()), False, limits)
+        drawn = cfg
+        if held.target is not None:
+            first = self._grasps[cfg.arm.tips[0]]
+            drawn, _ = with_target(cfg, held.target, first.inverse())
+        self._begin = drawn
+        super().__init__(drawn.arm, drawn)
+        if held.target is None:
+            self._spacecraft({"mode": "fixed"})
+
+    @property
+    def held(self) -> Held:
+        """How it is held in the posture on show."""
+        hands, grasps = self._hands(self.cfg), self._grasps
+        return hold(hands, self._there(hands), grasps, limits=self._closure.limits)
+
+    def _hands(self, cfg: Configuration) -> Configuration:
+        return kinematics(self._free, cfg.q.copy(), cfg.base)
+
+    def _there(self, hands: Configuration) -> Target | None:
+        """Return the target where the first hand holds it."""
+        first = self._grasps[hands.arm.tips[0]].inverse()
+        return self._target and self._target.replace(pose=hands.tips[0] * first)
+
+    def place(self, cfg: Configuration) -> pin.SE3:
+        """Return the pose of what is held; of the fixed world that of the spacecraft."""
+        there = self._there(self._hands(cfg))
+        return cfg.base if there is None else there.pose
+
+    @property
+    def led(self) -> bool:
+        """What is held is dragged."""
+        return True
+
+    def jacobian(self, cfg: Configuration) -> Array:
+        """Return the task's rows (k, n) of its twist, by joint motions that keep the grasps."""
+        return self._map(cfg, self._moves)
+
+    def _map(self, cfg: Configuration, mode: BaseMode) -> Array:
+        hands = self._hands(cfg)
+        closed = closed_motions(hands, self._there(hands), mode)
+        return closed.held @ closed.motions.T / joint_scales(self._free)
+
+    def moved(self, cfg: Configuration, q: Array) -> Configuration:
+        """Return a configuration after the joints have moved straight to the closed ones near q.
+
+        Raises:
+            ConfigurationError: There are none.
+        """
+        hands = self._hands(cfg)
+        held = self._there(hands)
+        first = self._grasps[hands.arm.tips[0]].inverse()
+        frame = kinematics(self._free, q.copy(), pin.SE3.Identity()).tips[0] * first
+        q, X = self._closure.solved(q, frame)
+        there, _ = placed(hands, held, q, X)
+        if max(Gaps.of(there.tips, there.base * X, self._closure.grasps)) > CLOSED:
+            raise ConfigurationError("the grasps do not close near that posture")
+        if held is None:
+            return cfg.arm.at(q, base=there.base)
+        return moved(cfg, q, self._moves)
+
+    def show(self, cfg: Configuration) -> None:
+        """Show a configuration, closed."""
+        cfg = self.moved(cfg, cfg.q)
+        hands = self._hands(cfg)
+        held = held_report(
+            hands, self._there(hands), self._grasps, self.spacecraft, TOLERANCE, False, None
+        )
+        sigma = np.pad(held.sigma, (0, len(held.lost) - len(held.sigma)))
+        self.cfg = cfg
+        self.report = replace(
+            singularity(cfg, mode=self.spacecraft),
+            sigma=sigma,
+            sigma_min=float(sigma[-1]),
+            condition=float(sigma[0] / sigma[-1]) if sigma[-1] > 0.0 else np.inf,
+            manipulability=held.manipulability,
+            determinant=None,
+            distance=held.distance,
+            distance_proven=0.0,
+            nearest=None,
+            away=held.away,
+            kind="dynamic" if held.kind == "closure" else held.kind,
+            rank=held.available.shape[1],
+            available=held.available,
+            lost=held.lost,
+            null_space=held.internal,
+            jacobian=self._map(cfg, self.spacecraft),
+        )
+
+    def _move(self, indices: Sequence[object], values: Sequence[object]) -> None:
+        """Move joints to values, the others so that the grasps stay closed."""
+        wanted = self._wanted(indices, values)
+        changed = np.flatnonzero(wanted != self.cfg.q)
+        cfg, left = self.cfg, np.inf
+        for _ in range(CLOSING):
+            q = cfg.q.copy()
+            q[changed] = wanted[changed]
+            there = self.moved(cfg, q)
+            off = float(np.abs(there.q - wanted)[changed].max(initial=0.0))
+            if off >= left:
+                break
+            cfg, left = there, off
+            if left <= NEAR_VALUE:
+                break
+        self.show(cfg)
+        if left > NEAR_VALUE:
+            self.blocked = "The grasps let the joint go no farther"
+
+    def _attitude(self, message: dict[str, Any]) -> None:
+        if self._target is None:
+            raise ConfigurationError(
+                "the hands hold the fixed world, and the spacecraft with it; drag the spacecraft"
+            )
+        super()._attitude(message)
+
+    def _home(self) -> None:
+        """Return to the posture with which it began."""
+        self.show(self._begin)
+
+    def _random(self) -> None:
+        for _ in range(RANDOM):
+            with suppress(ConfigurationError):
+                return super()._random()
+        raise ConfigurationError(f"of {RANDOM} random postures none is near a closed one")
+
+    def _nearest(self) -> None:
+        """Go to the nearest singular posture found along closure."""
+        hands, mode = self._hands(self.cfg), self.spacecraft
+        found = nearest_closed(hands, self._there(hands), self._closure, mode)
+        if found is None:
+            raise ConfigurationError("no singular posture was found along closure")
+        far = float(np.linalg.norm((found - hands.q) / joint_scales(self._free)))
+        way = found - hands.q
+        self.show(self.moved(self.cfg, found))
+        self.note = f"went {angle(far)} along closure: {readouts.turns(self.arm, way)}"

@@ -7,6 +7,8 @@ import warnings
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import pinocchio as pin
+
 from spacearm.collisions.obstacles import ObstacleLike
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import Configuration, SpaceArm
@@ -14,6 +16,7 @@ from spacearm.motion.motion import Motion
 from spacearm.signatures import checked
 
 if TYPE_CHECKING:
+    from spacearm.viewer.session import Session
     from spacearm.viewer.viewer import Viewer
 
 
@@ -35,7 +38,7 @@ def view(
     Args:
         thing: One of
 
-            - an arm, bent if it is singular at zeros;
+            - an arm, bent if it is singular at zeros, a chain that its file closes closed;
             - a configuration, or a result that has one, such as a `Capture`;
             - a `Trajectory`, `Followed`, `Plan` or `Motion`, or any object with `arm`, `t`, `q`
               and `base`, which is played;
@@ -45,7 +48,7 @@ def view(
             - a `Region`: its first singular configuration;
             - `FeasibleAttitudes`: the motion along the path from the best of them, with all of them
               around the spacecraft;
-            - a `Held`, or its report: the arms with the target, singular where the closed chain is;
+            - a `Held`, or its report: the arms with the target, which is dragged, the grasps kept;
               what `follow`, `plan` and `simulate` of it return is played;
             - a `Catch`: its flight, with the tumbling target, its grapple frames and the stand-off.
         compare: What a motion is played in step with, as a ghost and by dashed curves: another
@@ -93,13 +96,13 @@ def in_notebook() -> bool:
     return shell is not None and hasattr(shell, "kernel")
 
 
-def _viewer(cfg: Configuration, motion: Motion | None = None) -> Viewer:
-    """Show a configuration, and the motion that begins there."""
+def _viewer(shown: Configuration | Session, motion: Motion | None = None) -> Viewer:
+    """Show a configuration, or a session, and the motion that begins there."""
     with warnings.catch_warnings():  # meshcat imports what pyzmq deprecates
         warnings.simplefilter("ignore", DeprecationWarning)
         from spacearm.viewer.viewer import Viewer
 
-    return Viewer(cfg, motion)
+    return Viewer(shown, motion)
 
 
 def _home(arm: SpaceArm) -> Configuration:
@@ -109,9 +112,12 @@ def _home(arm: SpaceArm) -> Configuration:
 
 def _arm(arm: SpaceArm) -> Viewer:
     """Show an arm, bent if it is singular at zeros."""
-    from spacearm.viewer.session import opening_posture  # slow to import
+    from spacearm.closure.holding import closed_by_itself  # slow to import, as the next
+    from spacearm.viewer.session import opening_posture
 
-    return _viewer(arm.at(opening_posture(arm)))
+    cfg = arm.at(opening_posture(arm))
+    held = closed_by_itself(cfg)
+    return _viewer(cfg) if held is None else _held(held)
 
 
 def _motion(thing: Any) -> Viewer:
@@ -149,13 +155,14 @@ def _catch(found: Any) -> Viewer:
 
 
 def _held(found: Any) -> Viewer:
-    """Show the arms with the target that they hold; it goes with the first tip."""
-    from spacearm.closure.target_paths import with_target
+    """Show the arms with the target that they hold, which is dragged, the grasps kept."""
+    from spacearm.closure.holding import hold  # slow to import, as the next
+    from spacearm.viewer.session import HeldSession
 
-    cfg, target = found.configuration, found.target
-    if target is None:
-        return _viewer(cfg)
-    return _viewer(with_target(cfg, target, cfg.tips[0].actInv(target.pose))[0])
+    cfg, pose = found.configuration, found.target.pose if found.target else pin.SE3.Identity()
+    grasps = {tip: pose.actInv(at) for tip, at in zip(cfg.arm.tips, cfg.tips, strict=True)}
+    held = hold(cfg, found.target, grasps, limits=not cfg.outside_limits)
+    return _viewer(HeldSession(held))
 
 
 def _region(region: Any) -> Viewer:

@@ -88,21 +88,22 @@ class Scene:
 
     # --- at every configuration -------------------------------------------------------------
 
-    def draw(self, cfg: Configuration, report: SingularityReport) -> None:
+    def draw(self, cfg: Configuration, report: SingularityReport, tip: pin.SE3) -> None:
         """Draw the ellipsoid and directions of a configuration.
 
         Args:
             cfg: The configuration.
             report: Its singularity report.
+            tip: Where they are drawn.
         """
-        self._draw_ellipsoid(cfg, report.mode)
-        self._draw_directions(cfg, report)
+        self._draw_ellipsoid(cfg, report, tip.translation)
+        self._draw_directions(cfg, report, tip.translation)
 
-    def move(self, cfg: Configuration) -> None:
+    def move(self, cfg: Configuration, tip: pin.SE3) -> None:
         """Move what needs no Jacobian: bodies, centre of mass, tip and virtual manipulator."""
         self.bodies.place(cfg)
         self.root["centre of mass"].set_transform(shapes.at(cfg.com))
-        self.root["tip frame"].set_transform(cfg.tips[0].homogeneous)
+        self.root["tip frame"].set_transform(tip.homogeneous)
         self._draw_virtual_manipulator(cfg)
 
     def _draw_virtual_manipulator(self, cfg: Configuration) -> None:
@@ -119,17 +120,22 @@ class Scene:
             layer[str(i)].set_transform(shapes.bar(start, end))
             layer[f"joint_{i}"].set_transform(shapes.at(end))
 
-    def _draw_ellipsoid(self, cfg: Configuration, mode: BaseMode) -> None:
-        U, sigma, _ = np.linalg.svd(generalized_jacobian(cfg, mode=mode)[:3])
+    def _draw_ellipsoid(self, cfg: Configuration, report: SingularityReport, tip: Array) -> None:
+        J, task = generalized_jacobian(cfg, mode=report.mode)[:3], cfg.arm.task
+        if len(report.jacobian) < task.k:  # of what several tips hold
+            linear = [i for i in task.indices[: len(report.jacobian)] if i < 3]
+            rows = (report.length or 1.0) * report.jacobian[: len(linear)]
+            J = report.axes[:, linear] @ rows
+        U, sigma, _ = np.linalg.svd(J)
         radii = np.zeros(3)
         radii[: len(sigma)] = ELLIPSOID_SECONDS * sigma
-        pose = shapes.at(cfg.tips[0].translation)
+        pose = shapes.at(tip)
         U[:, 2] *= np.sign(np.linalg.det(U))
         pose[:3, :3] = U * np.maximum(radii, 0.004 * self.size)
         self.root["ellipsoid"]["body"].set_transform(pose)
 
-    def _draw_directions(self, cfg: Configuration, report: SingularityReport) -> None:
-        layer, tip = self.root["directions"], cfg.tips[0].translation
+    def _draw_directions(self, cfg: Configuration, report: SingularityReport, tip: Array) -> None:
+        layer = self.root["directions"]
         singular = report.kind != "regular"
         twist = np.zeros(6)
         rows = len(cfg.arm.task.rows)  # those of the first tip
@@ -148,7 +154,7 @@ class Scene:
                 layer[name].set_transform(pose)
         if turns:
             layer["turn"].set_transform(shapes.along(tip - angular, tip + angular))
-        self._draw_available(layer, tip, report, cfg.arm.task.indices)
+        self._draw_available(layer, tip, report, cfg.arm.task.indices[:rows])
 
     def _draw_available(
         self, layer: meshcat.Visualizer, tip: Array, report: SingularityReport, rows: Sequence[int]
@@ -348,7 +354,7 @@ class Stage:
 
     def _draw(self, cfg: Configuration, report: SingularityReport, t: float) -> None:
         self._move(cfg, t)
-        self.scene.draw(cfg, report)
+        self.scene.draw(cfg, report, self.session.place(cfg))
         pose = np.eye(4)
         if self.scene.arm.tree.plane_normal() is not None:
             pose[:3, :3] = cfg.base.rotation
@@ -364,7 +370,7 @@ class Stage:
 
     def _move(self, cfg: Configuration, t: float) -> None:
         """Move what follows from the postures alone."""
-        self.scene.move(cfg)
+        self.scene.move(cfg, self.session.place(cfg))
         self._loads.draw(cfg, t)
         self._obstacle_layer.draw(t)
         if self._target:
@@ -403,7 +409,7 @@ class Stage:
 
         def move(cfg: Configuration, t: float) -> None:
             self._move(cfg, t)
-            tips.append(cfg.tips[0].translation)
+            tips.append(self.session.place(cfg).translation)
 
         recorder = self._recorded(self.motion, MOST_POSES, move)
         nodes = recorder.poses(len(tips))

@@ -50,12 +50,13 @@ class Viewer:
         window: The drawing.
     """
 
-    def __init__(self, cfg: Configuration, motion: Motion | None = None) -> None:
+    def __init__(self, shown: Configuration | Session, motion: Motion | None = None) -> None:
+        session = shown if isinstance(shown, Session) else Session(shown.arm, shown)
         self.window = Window()
         self._server: Server | None = None
         self._lock = threading.RLock()
         self._edition = 0
-        self._stage = Stage(self.window, Session(cfg.arm, cfg), motion)
+        self._stage = Stage(self.window, session, motion)
         self._given: Comparison | None = None
         self._job = BackgroundJob(self._lock, self._changed, self._finished)
         self._plan: tuple[Motion | None, str] = (None, "")  # the last of the page, and as code

