@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -27,6 +27,7 @@ from spacearm.export.motion_files import read_measured
 from spacearm.files import write
 from spacearm.mission.attitudes import MARGIN
 from spacearm.singularities.risk import NEAR
+from spacearm.sweeps.toml import Table
 
 
 @opt.answering("attitudes", "view")
@@ -139,7 +140,9 @@ def hold_target(
     Joints and target move from a rough start until all grasps are closed. Then it is said whether
     the closed chain is singular, what is lost, and the way out.
 
-    --with gives more of what sa.hold takes: start, seed.
+    --with gives more of what sa.hold takes: start, seed; and regrasp, a table of what Held.regrasp
+    takes: regrasp.tip=left regrasp.grasp=ring. Then it is planned how that hand regrasps, and the
+    posture that is written is the one after that.
 
     Options:
         target (TOML): What is held, and roughly where, by the names of sa.Target, as of spacearm
@@ -154,7 +157,7 @@ def hold_target(
     given = {tip: frame for tip, _, frame in (text.partition("=") for text in grasp or [])}
     if given and set(arm.tips) != set(given):
         arm = arm.replace(tip=list(given))
-    asked = question(more, "start", "seed")
+    asked = question(more, "start", "seed", "regrasp")
     start = start_of(arm, asked, q, attitude, deg)
     held = sa.hold(
         start,
@@ -166,15 +169,36 @@ def hold_target(
     )
     if held.tries > 1:
         err.print("spacearm: note: the start leads to no closed posture; a random one did")
+    way = None
+    if "regrasp" in asked.values:
+        with working("planning", searches=True) as progress:
+            way = _regrasp(held, asked.inner("regrasp"), progress)
+        held = held.after(way)
     written = list[Path]()
     if save:
         base = held.configuration.base
         xyz, rpy = base.translation.tolist(), pin.rpy.matrixToRpy(base.rotation).tolist()
         place = f"base = {{xyz = {xyz}, rpy = {rpy}}}"
         written.append(write(save, f"[start]\nq = {held.q.tolist()}\n{place}\n".encode()))
+    if way is not None:
+        return Answer(way, written=written)
     with working("searching") as progress:
         report = held.report(mode=mode, exact=not first_order, progress=progress)
     return Answer(report, told={"grasps": held.to_dict()["grasps"]}, written=written)
+
+
+def _regrasp(held: sa.Held, given: Table, progress: Callable[[float, float], object]) -> sa.Regrasp:
+    """Plan how a hand regrasps; `grasp` is a frame, or a pose in numbers: [x, y, z, r, p, y]."""
+    given.knows("tip", "grasp", "approach", "closing", "constraints", "search")
+    grasp, tip = given.values.get("grasp"), given.take("tip", str)
+    text = grasp if isinstance(grasp, str) else ",".join(map(str, given.numbers("grasp")))
+    return held.regrasp(
+        tip,
+        _grasp(tip, text, deg=False),
+        constraints=constraints_of(given.inner("constraints")),
+        search=search_of(held.arm, given.inner("search"), progress),
+        **given.some("approach", "closing"),
+    )
 
 
 def _grasp(tip: str, text: str, deg: bool) -> str | pin.SE3:

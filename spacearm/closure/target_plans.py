@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -39,6 +40,7 @@ from spacearm.motion import following
 from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.problem import LEAST
 from spacearm.planning.request import Constraints, Search
+from spacearm.results import Description, Measure, Table
 from spacearm.singularities.nearest import angle
 
 #: Length of a step along a branch [rad], [m].
@@ -83,6 +85,13 @@ class TargetPlan(FollowedTarget, kw_only=True):
     def not_checked(self) -> str:
         """What the answer does not cover."""
         return "collisions; " * (not self.checked) + BETWEEN
+
+    def describe(self) -> Description:
+        """Describe the motion, and what was checked of it at the rows and between them."""
+        motion = super().describe()
+        facts = {"clearance asked for, checked at the rows": Measure(self.clearance, "rad")}
+        notes = [*motion.notes, *filter(None, [self.checked])]
+        return replace(motion, notes=notes, tables=[*motion.tables, Table.facts(facts)])
 
 
 class Node(NamedTuple):

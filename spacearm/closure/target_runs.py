@@ -314,7 +314,7 @@ class _Run:
         at: Any = None
         now = State(tree, at, t, None, cfg.q, v[6:], base, cfg.com, (), cfg.wheels, cfg.momentum,
                     self.given, [])  # fmt: skip
-        taken_up = np.zeros(len(cfg.arm.wheels))
+        taken_up: Array = np.zeros(len(cfg.arm.wheels))
         if self.system.motors is not None:
             taken_up = wheel_torques(self.system.motors(t), len(taken_up))
         elif self.setup.holds:

@@ -10,6 +10,7 @@ import pinocchio as pin
 from matplotlib.patches import Circle
 
 from spacearm.arrays import Array, ArrayLike, finite, shape_of
+from spacearm.closure.regrasping import Regrasp
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.separation import CollisionReport
 from spacearm.collisions.solids import corners
@@ -32,9 +33,9 @@ FADES = (0.15, 0.25, 0.35, 0.55)
 FAR = 45.0
 
 
-@style.draws(Motion)
+@style.draws(Motion, Regrasp)
 def draw_motion(
-    motion: Motion,
+    motion: Motion | Regrasp,
     ax: Any,
     *,
     target: ArrayLike | None = None,
@@ -55,6 +56,7 @@ def draw_motion(
     Raises:
         ConfigurationError: The target has another shape or is not finite.
     """
+    motion = motion.motion if isinstance(motion, Regrasp) else motion
     mark = None if target is None else _in_picture(motion, target)
     held = getattr(motion, "wheels", np.empty((len(motion), 0)))
     spatial = motion.arm.tree.plane_normal() is None

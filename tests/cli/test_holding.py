@@ -10,6 +10,8 @@ from helpers.commands import answer, spacearm
 
 import spacearm as sa
 
+tomllib = pytest.importorskip("tomllib")
+
 START = (0.4, -1.0, 1.5, 0.3, 0.5, 0.0) * 2
 DEBRIS = """
 body = {mass = 90, size = [0.4, 0.4, 0.4], name = "debris"}
@@ -21,7 +23,6 @@ GRASPS = ("--grasp", "left=ring", "--grasp", "right=0,0,0.2,180,0,0", "--deg")
 
 @pytest.fixture
 def folder(tmp_path):
-    pytest.importorskip("tomllib")
     (tmp_path / "debris.toml").write_text(DEBRIS)
     return tmp_path
 
@@ -50,6 +51,25 @@ def test_two_arms_hold_a_target_and_others_read_the_posture(folder):
     file = str(folder / "held.toml")
     asked = answer("query", "dual_ur5", file, "--tip", "left,right", "--first-order")
     np.testing.assert_allclose(asked["configuration"]["q"], q, rtol=0, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_hand_regrasps_and_the_posture_after_it_is_saved(folder):
+    words = ("hold", "dual_ur5", "--target", "debris.toml", *GRASPS, "--no-limits")
+    more = ("tip=right", "grasp=[0, 0.05, 0.2, 3.14159265358979, 0, 0]", "approach=0.02",
+            "constraints.collisions=false", "constraints.limits=false")  # fmt: skip
+    asked = [word for one in more for word in ("--with", f"regrasp.{one}")]
+    saved = ("--save", "after.toml")
+    run = spacearm(*words, *np.degrees(START), *asked, *saved, cwd=folder)
+    assert run.returncode == 0, run.stderr
+    assert "right regrasps while left holds on" in run.stdout
+    assert "Not checked: collisions; forces at the grasps that hold" in run.stdout
+    arm = sa.load("dual_ur5", tip=["left", "right"])
+    posture = tomllib.loads((folder / "after.toml").read_text())["start"]["q"]
+    left, right = arm.at(posture).tips
+    ring, other = sa.pose((0, 0, -0.2)), sa.pose((0, 0.05, 0.2), (np.pi, 0, 0))
+    there = (left * ring.inverse() * other).actInv(right)
+    np.testing.assert_allclose(there.homogeneous, np.eye(4), atol=1e-8)
 
 
 def test_an_arm_holds_a_handrail(folder):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.closed import roomy
+from helpers.closed import debris, roomy, rough, several
 from scipy.integrate import simpson
 from scipy.interpolate import CubicSpline
 
@@ -157,6 +157,77 @@ def test_a_grasp_that_bears_too_little_ends_it():
     table = run.describe().tables[-1]
     assert table.title == "What the grasps bear"
     assert len(table.rows) == 2
+
+
+def test_motors_give_no_more_than_they_can_and_joints_are_damped():
+    """As by a law that gives the same torques by itself; what is reached is said."""
+    held, _ = roomy(1, tries=1)
+    arm, how = held.arm, sa.Integration(dt=0.05)
+    wanted = law(held, 40.0)
+    efforts = 0.2 * np.abs(wanted(0.5, held.configuration, np.zeros(arm.n))).max() * np.ones(arm.n)
+    joints = {
+        name: replace(arm.whole.joints[name], effort=float(most), velocity=1e3)
+        for name, most in zip(arm.joint_names, efforts, strict=True)
+    }
+    weak = arm.on(replace(arm.whole, joints={**arm.whole.joints, **joints}))
+    there = weak.at(held.q, base=held.configuration.base)
+    held = sa.hold(there, held.target, held.grasps, limits=False)
+    damping = 1e-3 * np.abs(efforts)
+    plant = sa.Plant(
+        limits=True,
+        passive={
+            n: sa.PassiveJoint(damping=d) for n, d in zip(arm.joint_names, damping, strict=True)
+        },
+    )
+    run = held.simulate(wanted, 0.5, plant=plant, integration=how)
+    assert (np.abs(run.torque) <= efforts).all()
+    assert run.overloaded
+    assert any("is reached by" in note for note in run.describe().notes)
+    assert run.other_work[-1] < 0.0
+
+    def by_itself(t, cfg, dq):
+        return np.clip(wanted(t, cfg, dq), -efforts, efforts) - damping * dq
+
+    same = held.simulate(by_itself, 0.5, integration=how)
+    np.testing.assert_allclose(run.q, same.q, atol=1e-8)
+    np.testing.assert_allclose(run.work + run.other_work, same.work, atol=1e-6 * same.turnover)
+    tips = held.arm.tips
+    none = {tip: np.zeros(6) for tip in tips}
+    cut = held.simulate(wanted, 0.1, squeeze=none, plant=plant, integration=how)
+    assert (np.abs(cut.torque) <= efforts).all()
+    with pytest.raises(sa.UnsupportedError, match="wrenches on bus are not simulated"):
+        held.simulate(wanted, 0.1, plant=sa.Plant(wrenches={"bus": np.ones(6)}))
+
+
+@pytest.mark.slow
+def test_wheels_hold_the_attitude_while_arms_hold_a_target():
+    """The wheels take up what the arms and the target would give the spacecraft."""
+    rng = np.random.default_rng(11)
+    start, _, grasps = rough(several(rng, (6, 6), wheels=True), rng, off=0.05)
+    target = debris(rng, 5.0, start.tips[0] * grasps["t0"].inverse())
+    held = sa.hold(start, target, grasps, limits=False)
+    D = float(np.linalg.norm(sa.momentum_matrix(held.configuration).A_b[3:, 3:], 2))
+    plant = sa.Plant(wheels=sa.WheelHold(stiffness=9.0 * D, damping=6.0 * D))
+    how = sa.Integration(dt=0.1)
+    run, free = (
+        held.simulate(law(held), 2.0, plant=one, integration=how) for one in (plant, sa.Plant())
+    )
+    turned = [
+        np.linalg.norm(pin.log3((pin.XYZQUATToSE3(r.base[0]).inverse() * cfg.base).rotation))
+        for r in (run, free) for cfg in (r[-1],)
+    ]  # fmt: skip
+    assert turned[0] < 0.3 * turned[1]
+    assert np.abs(run.wheels[-1]).max() > 0.0
+    taken_up = CubicSpline(run.t, run.wheel_torque).antiderivative()(run.t)
+    np.testing.assert_allclose(run.wheels, taken_up, atol=1e-3 * np.abs(run.wheels).max())
+    assert max(run.drift, run.imbalance, run.gap.max()) < 1e-7
+    np.testing.assert_allclose(run.momentum, 0.0, atol=1e-6 * np.abs(run.wheels).max())
+    least = 0.5 * np.abs(run.wheels).max()
+    small = replace(plant, wheels=replace(plant.wheels, capacity=least))
+    full = held.simulate(law(held), 2.0, plant=small, integration=how)
+    assert [event.kind for event in full.events] == ["wheel full"]
+    assert full.ended == "duration"
+    assert np.abs(full.wheels).max() < 1.01 * least
 
 
 def test_what_makes_no_sense_is_told():

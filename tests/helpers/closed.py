@@ -15,11 +15,15 @@ from helpers.arms import (
     random_joint,
     random_link,
     robot,
+    with_wheels,
 )
 
 
-def several(rng, counts, kinds=("revolute",)) -> sa.SpaceArm:
-    """Random arms of so many joints each on one spacecraft; their tips are t0, t1, ..."""
+def several(rng, counts, kinds=("revolute",), wheels=False) -> sa.SpaceArm:
+    """Random arms of so many joints each on one spacecraft; their tips are t0, t1, ...
+
+    With three wheels, if they are asked for.
+    """
     parts = [random_link(rng, "bus", 10 ** rng.uniform(1, 3))]
     for side, n in enumerate(counts):
         parent = "bus"
@@ -30,7 +34,8 @@ def several(rng, counts, kinds=("revolute",)) -> sa.SpaceArm:
             parent = name
         parts += [frame(f"t{side}")]
         parts += [joint(f"f{side}", parent, f"t{side}", "fixed", rng.normal(size=3) * 0.5)]
-    return load_text(robot(*parts), tip=[f"t{side}" for side in range(len(counts))])
+    text = with_wheels(robot(*parts), np.eye(3)) if wheels else robot(*parts)
+    return load_text(text, tip=[f"t{side}" for side in range(len(counts))])
 
 
 def debris(rng, mass=None, pose=None) -> sa.Target:
