@@ -39,15 +39,17 @@ PLANE_VIEWS = ((1.0, -0.2, 0.3), (0.2, -1.0, 0.3), (0.0, -0.35, 1.0))
 STILL = math.radians(0.05)
 
 
-def about(arm: SpaceArm, led: bool) -> dict[str, Any]:
-    """Return what the panel shows of an arm once, of which something can be dragged or not."""
+def about(arm: SpaceArm, held: bool = False) -> dict[str, Any]:
+    """Return what the panel shows of an arm once, whose tips hold one thing or not."""
     normal, collisions = arm.tree.plane_normal(), _collisions(arm)
     wheels = wheel_table(arm.model, arm.wheels)
     return {
         "model": arm.name,
         "tip": ", ".join(arm.tips),
         "tip_reason": arm.tip_reason,
-        "task": list(arm.task.rows) if led else [],  # several tips are not grabbed
+        "task": list(arm.task.rows)
+        if held or len(arm.tips) == 1
+        else [],  # several tips are not grabbed
         "unit": arm.sigma_unit,
         "meaning": IN_WORDS,
         "missing": listed(_missing_meshes(arm)),
@@ -89,15 +91,15 @@ def ranges(box: FreeBox, q: Array, lower: Array, upper: Array) -> dict[str, Any]
     return {"ranges": [[float(a), float(b)] for a, b in ends], "holds": box.contains(q)}
 
 
-def readout(report: SingularityReport, tip: pin.SE3, led: bool) -> dict[str, Any]:
+def readout(report: SingularityReport, held: pin.SE3 | None = None) -> dict[str, Any]:
     """Return what the panel shows of the configuration of a report.
 
     Args:
         report: The report.
-        tip: Where the tip is, or what is dragged.
-        led: Whether there is one thing to drag, of which the directions are.
+        held: Where that is which several tips hold, and whose report it is; None for that of tips.
     """
     cfg, joints = report.configuration, report.configuration.arm.joint_names
+    led, tip = held is not None or len(cfg.tips) == 1, held or cfg.tips[0]
     directions = np.hstack((report.available, report.lost)).T if led else np.empty(0)
     names = dict(zip(joints, short_names(joints), strict=True))
     return {

@@ -331,7 +331,7 @@ class Session:
             "flight": self._flown(),
             "goal": None if self.goal is None else readouts.pose(self.goal),
             "box": self.box and readouts.ranges(self.box, self.cfg.q, *self.range),
-            **readouts.readout(self.report, self.place(self.cfg), self.led),
+            **readouts.readout(self.report, self.place(self.cfg) if self.led else None),
             "python": code,
         }
 
