@@ -215,6 +215,11 @@ SMOOTH = 1e-7
 #: Rate at which the tip returns to its path from rounding errors [1/m].
 RETURN = 10.0
 RTOL, ATOL = 1e-10, 1e-11
+#: Path over the joint motion that leads along it [m/rad], below which a redundant arm is stuck; and
+#: what is said then.
+CRAWL, STUCK = 1e-5, "where the joints move 1e5 times as far as what they lead"
+#: Distance by which a singular posture counts as met [rad].
+ROUNDING = 1e-6
 #: What ends a segment.
 ENDS = ("singularity", "arrived", "joint limit")
 #: Largest distance between outputs along the curve in (q, s) [rad], [m].
@@ -327,6 +332,7 @@ class TipCurve:
             clear = self.sense * np.linalg.det(self.jacobian(cfg))
         else:
             clear = events.clear_of_singularities(cfg, self.mode, goals.goal_axes(cfg))
+            clear = min(clear, float(self.tangent(cfg, float(y[-1]))[-1]) - CRAWL)
         inside = np.minimum(arm.upper - q, q - arm.lower).min() + events.ROUNDING
         return np.array([clear, self.segment.length - y[-1], inside if self.limits else 1.0])
 
@@ -371,7 +377,8 @@ class TipCurve:
         if kind == "joint limit":
             detail = arm.joint_names[int(np.minimum(arm.upper - q, q - arm.lower).argmin())]
         elif kind == "singularity" and not self.square:
-            detail = f", {events.CLOSE}"
+            near = events.clear_of_singularities(self.configuration(y), self.mode) < ROUNDING
+            detail = f", {events.CLOSE if near else STUCK}"
             found = nearest_locally(arm, self.mode, q) if events.is_exact(arm) else None
             nearest = None if found is None else found[0]
         return Event(t, kind, q, detail, nearest)

@@ -159,6 +159,57 @@ def test_a_grasp_that_bears_too_little_ends_it():
     assert len(table.rows) == 2
 
 
+def flown_in_drake(held, law, duration, step, path):
+    """Joints and pose of the target in the end, and the gap of the weld that closes the loop."""
+    module = pytest.importorskip("pydrake.multibody.plant")
+    from pydrake.math import RigidTransform
+    from pydrake.multibody.parsing import Parser
+    from pydrake.systems.analysis import Simulator
+
+    carrying = held._carrying
+    arm, grasp = carrying.arm, held.grasps[held.arm.tips[1]].homogeneous
+    plant = module.MultibodyPlant(time_step=step)
+    Parser(plant).AddModels(str(arm.to_urdf(path)))
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    plant.set_discrete_contact_approximation(module.DiscreteContactApproximation.kSap)
+    target, hand = (plant.GetBodyByName(name) for name in (carrying.link, arm.tips[1]))
+    plant.AddWeldConstraint(target, RigidTransform(grasp), hand, RigidTransform())
+    plant.Finalize()
+    joints = [plant.GetJointByName(name) for name in arm.joint_names]
+    q, v = [j.position_start() for j in joints], [j.velocity_start() for j in joints]
+    simulator = Simulator(plant)
+    context = simulator.get_mutable_context()
+    positions = plant.GetPositions(context)
+    positions[q] = held.q
+    plant.SetPositions(context, positions)
+    (bus,) = (plant.get_body(i) for i in plant.GetFloatingBaseBodies())
+    plant.SetFreeBodyPose(context, bus, RigidTransform(held.configuration.base.homogeneous))
+    for k in range(round(duration / step)):
+        forces = np.zeros(plant.num_velocities())
+        forces[v] = law(k * step, None, plant.GetVelocities(context)[v])
+        plant.get_applied_generalized_force_input_port().FixValue(context, forces)
+        simulator.AdvanceTo((k + 1) * step)
+    frame, tip = (body.EvalPoseInWorld(context).GetAsMatrix4() for body in (target, hand))
+    gap = np.linalg.norm((frame @ grasp)[:3, 3] - tip[:3, 3])
+    return plant.GetPositions(context)[q].copy(), frame, gap
+
+
+def test_drake_moves_the_loop_alike(tmp_path):
+    """Its steps are of first order: the difference halves with them, and what is left vanishes."""
+    held, _ = roomy(1, tries=1)
+    strong = law(held, 10.0)
+    steps, path = (2e-3, 1e-3), tmp_path / "held.urdf"
+    ends = [flown_in_drake(held, strong, 1.0, step, path) for step in steps]
+    run = held.simulate(strong, 1.0, integration=sa.Integration(dt=0.25))
+    moved = np.abs(run.q[-1] - held.q).max()
+    coarse, fine = (q - run.q[-1] for q, *_ in ends)
+    assert np.abs(fine).max() < 0.6 * np.abs(coarse).max() < 1e-2 * moved
+    np.testing.assert_allclose(2.0 * fine - coarse, 0.0, atol=1e-4 * moved)
+    place = pin.XYZQUATToSE3(run.target[-1]).homogeneous
+    np.testing.assert_allclose(2.0 * ends[1][1] - ends[0][1], place, atol=1e-4 * moved)
+    assert run.gap.max() < 1e-3 * ends[1][-1]
+
+
 def test_motors_give_no_more_than_they_can_and_joints_are_damped():
     """As by a law that gives the same torques by itself; what is reached is said."""
     held, _ = roomy(1, tries=1)

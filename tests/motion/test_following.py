@@ -11,6 +11,7 @@ from scipy.interpolate import make_interp_spline
 
 import spacearm as sa
 from spacearm.mechanics.jacobian import generalized_jacobian_rate
+from spacearm.motion.following import Segment, TipCurve, state_of
 
 E, A, B, C = (2.0, 0.0), np.radians([-57.936, 60.337]), (1.5, 1.5), np.array([1.0, 0.0])
 
@@ -405,3 +406,15 @@ def test_with_momentum_the_tip_passes_the_corners_as_simulated(seed, mode):
     off = pin.log6(ends.actInv(goal))
     assert np.linalg.norm(off) < 1e-5
     np.testing.assert_allclose(run[-1].com - start.com, 2.0 * momentum[:3] / arm.mass, atol=1e-9)
+
+
+def test_a_redundant_arm_that_hardly_moves_its_tip_is_stuck():
+    """Of a path of which a metre takes a million radians."""
+    arm = sa.load("chaser7")
+    cfg = arm.at([0.2, 0.6, 0, 1.2, 0, 0.8, 0])
+    for size, stuck in ((1.0, False), (1e6, True)):
+        far = Segment(1.0, lambda _: cfg.tip, lambda _, v=size: v * np.eye(6)[0], True)
+        curve = TipCurve(cfg, far, "free-floating", True)
+        y = state_of(cfg, 0.0)
+        assert (curve.rooms(y)[0] < 0.0) == stuck
+    assert "1e5 times" in curve.event(0.0, y, "singularity").detail
