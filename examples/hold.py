@@ -1,4 +1,4 @@
-"""Both arms hold one panel, lead it past a boom, and fly that with a squeeze of 20 N."""
+"""Both arms hold one panel, lead it past a boom, fly that with a squeeze of 20 N, and regrasp."""
 
 import numpy as np
 
@@ -23,5 +23,7 @@ run = held.simulate(sa.Tracking(way), way.t[-1], squeeze=squeeze)
 for tip, wrench in run.grasps.items():
     print(f"{tip}: up to {np.linalg.norm(wrench[:, :3], axis=1).max():.1f} N")
 print(f"grasps open by {run.gap.max():.0e} m at most")
-# sa.view(way) plays it
+step = held.regrasp("left", sa.pose((-0.15, 0.25, 0.15), forward))
+print(step.describe().verdict)
+# sa.view(held) shows the panel, to be dragged by both arms; sa.view(way) plays a motion
 sa.plot(held.after(run)).savefig("hold.png")

@@ -47,9 +47,7 @@ def about(arm: SpaceArm, held: bool = False) -> dict[str, Any]:
         "model": arm.name,
         "tip": ", ".join(arm.tips),
         "tip_reason": arm.tip_reason,
-        "task": list(arm.task.rows)
-        if held or len(arm.tips) == 1
-        else [],  # several tips are not grabbed
+        "task": list(arm.task.rows) if held or len(arm.tips) == 1 else [],  # what is grabbed
         "unit": arm.sigma_unit,
         "meaning": IN_WORDS,
         "missing": listed(_missing_meshes(arm)),

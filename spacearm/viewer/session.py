@@ -209,10 +209,15 @@ class Session:
         grabbed = self._grabbed
         goal = pin.SE3(pin.exp3(turn) @ grabbed.rotation, grabbed.translation + shift)
         cfg, why = pulled(self, goal)
+        self.blocked = why and f"{why}{self._meanwhile}"
+        self.show(cfg)
+
+    @property
+    def _meanwhile(self) -> str:
+        """What the spacecraft does while something is dragged, in words."""
         held = self.spacecraft == "free-floating" and self.mode == "posture"
         does = "holds its attitude" if held else f"is {self.spacecraft}"
-        self.blocked = why and f"{why}, while the spacecraft {does}"
-        self.show(cfg)
+        return f", while the spacecraft {does}"
 
     def _fly(self, message: dict[str, Any]) -> None:
         """Lead the tip with a twist for some seconds, by the servo, in axes of a frame."""
@@ -372,7 +377,10 @@ def pulled(session: Session, goal: pin.SE3) -> tuple[Configuration, str]:
         return _error(cfg, session.place(cfg), goal)
 
     def tried(step: Array) -> tuple[Configuration, Array, float]:
-        trial = session.moved(cfg, np.clip(cfg.q + step, lower, upper))
+        try:
+            trial = session.moved(cfg, np.clip(cfg.q + step, lower, upper))
+        except ConfigurationError:  # grasps that do not close there
+            return cfg, error, np.inf
         left = left_of(trial)
         return trial, left, float(np.linalg.norm(left))
 
@@ -599,6 +607,11 @@ class HeldSession(Session):
         self.show(cfg)
         if left > NEAR_VALUE:
             self.blocked = "The grasps let the joint go no farther"
+
+    @property
+    def _meanwhile(self) -> str:
+        """What the spacecraft does; of the fixed world it is dragged itself."""
+        return "" if self._target is None else super()._meanwhile
 
     def _attitude(self, message: dict[str, Any]) -> None:
         if self._target is None:

@@ -122,7 +122,7 @@ class Scene:
 
     def _draw_ellipsoid(self, cfg: Configuration, report: SingularityReport, tip: Array) -> None:
         J, task = generalized_jacobian(cfg, mode=report.mode)[:3], cfg.arm.task
-        if len(report.jacobian) < task.k:  # of what several tips hold
+        if len(report.jacobian) < task.k or not np.allclose(tip, cfg.tips[0].translation):  # held
             linear = [i for i in task.indices[: len(report.jacobian)] if i < 3]
             rows = (report.length or 1.0) * report.jacobian[: len(linear)]
             J = report.axes[:, linear] @ rows
