@@ -225,6 +225,30 @@ def test_the_handle_is_dragged_and_turns_red_where_the_tip_cannot_follow(browser
 
 
 @pytest.mark.slow
+def test_both_arms_follow_what_is_dragged_in_the_page(browser):
+    viewer = sa.view(panel_in_two_hands(), open=False)
+    page = Page(browser, viewer.serve(), width=1366, height=768).ready()
+    session = viewer.session
+    before = session.place(session.cfg)
+    box = page.page.locator("#grab circle").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.page.mouse.move(x, y)
+    page.page.mouse.down()
+    page.page.mouse.move(x - 20, y - 10, steps=4)
+
+    def moved():
+        return np.linalg.norm(session.place(session.cfg).translation - before.translation)
+
+    page.until(lambda: moved() > 0.02)
+    page.page.mouse.up()
+    assert session.held.closed
+    assert page.page.text_content("#directions")
+    assert page.errors == []
+    page.close()
+    viewer.close()
+
+
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*no visuals:spacearm.ModelWarning")
 def test_a_ring_turns_red_where_the_tip_cannot_follow(browser):
     inside = '<limit lower="-0.2" upper="0.2" effort="1" velocity="1"/>'
