@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from spacearm.arrays import Array
 from spacearm.collisions.separation import Collisions, collision_geometry
 from spacearm.description.model_catalogue import catalogue
 from spacearm.description.shapes import Mesh
-from spacearm.errors import ConfigurationError, SpaceArmError, listed
+from spacearm.errors import ConfigurationError, SpaceArmError, UnsupportedError, listed
 from spacearm.mechanics.distance import distances
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
@@ -223,7 +224,8 @@ def joint_map(
 
     Args:
         cfg: The configuration; its other joints are held.
-        joints: The numbers of the two joints; if None as `singular_map` chooses them.
+        joints: The numbers of the two joints; if None as `singular_map` chooses them, of several
+            tips the first two.
         mode: What the spacecraft does.
 
     Returns:
@@ -234,7 +236,11 @@ def joint_map(
     Raises:
         ConfigurationError: The joints are no two revolute ones.
     """
-    arm, found = cfg.arm, singular_set(cfg.arm, mode=mode)
+    arm, found = cfg.arm, None
+    with suppress(UnsupportedError):  # minors too large to be traced
+        found = singular_set(arm, mode=mode)
+    if joints is None and len(arm.tips) > 1:
+        joints = np.flatnonzero(~arm.slides)[:2].tolist()
     pair = telling_joints(arm) if joints is None else _pair(arm, joints)
     angles = np.linspace(-np.pi, np.pi, POINTS)
     Q = np.tile(cfg.q, (POINTS * POINTS, 1))
@@ -242,7 +248,7 @@ def joint_map(
     near = np.clip(distances(arm, Q, mode)[0].reshape(POINTS, POINTS).T / FAR, 0.0, 1.0)
     shares = np.nan_to_num(near * SHARES, nan=0.0).round().astype(int).tolist()
     curves = None
-    if found.complete and found.codimension == 1:
+    if found is not None and found.complete and found.codimension == 1:
         traced = found.curves(pair, cfg.q, resolution=RESOLUTION)
         curves = [curve[:, pair].round(4).tolist() for curve in traced]
     about = {"joints": pair, "q": cfg.q.tolist(), "spacecraft": mode}

@@ -31,6 +31,7 @@ from spacearm.servo.servo import FRAMES
 from spacearm.singularities.joint_boxes import FreeBox
 from spacearm.singularities.nearest import NearestSingular, angle
 from spacearm.singularities.report import (
+    FAR,
     TOLERANCE,
     SingularityReport,
     searched,
@@ -577,7 +578,7 @@ class HeldSession(Session):
             condition=float(sigma[0] / sigma[-1]) if sigma[-1] > 0.0 else np.inf,
             manipulability=held.manipulability,
             determinant=None,
-            distance=held.distance,
+            distance=held.distance if held.distance <= FAR else np.inf,
             distance_proven=0.0,
             nearest=None,
             away=held.away,

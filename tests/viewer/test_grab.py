@@ -243,6 +243,8 @@ def test_both_arms_follow_what_is_dragged_in_the_page(browser):
     page.page.mouse.up()
     assert session.held.closed
     assert page.page.text_content("#directions")
+    page.wait_text("#distance", "none found")
+    assert not page.page.text_content("#error")
     assert page.errors == []
     page.close()
     viewer.close()
