@@ -237,7 +237,7 @@ def joint_map(
         ConfigurationError: The joints are no two revolute ones.
     """
     arm, found = cfg.arm, None
-    with suppress(UnsupportedError):  # minors too large to be traced
+    with suppress(*[UnsupportedError] * (len(arm.tips) > 1)):  # minors too large to be traced
         found = singular_set(arm, mode=mode)
     if joints is None and len(arm.tips) > 1:
         joints = np.flatnonzero(~arm.slides)[:2].tolist()
