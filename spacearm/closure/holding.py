@@ -245,7 +245,7 @@ class Held(Result):
         *,
         dq: ArrayLike | None = None,
         squeeze: Mapping[str, ArrayLike] | None = None,
-        bears: Sequence[float] = (np.inf, np.inf),
+        bears: Sequence[float] | Mapping[str, Sequence[float]] = (np.inf, np.inf),
         plant: Plant = Plant(),
         integration: Integration = Integration(),
         progress: Callable[[float, float], object] | None = None,
@@ -266,7 +266,8 @@ class Held(Result):
                 are changed so that it is this at all times, zeros for none; it is as the law makes
                 it if None. Of all wrenches the least ones count as moving the target, moments by
                 the length of the task.
-            bears: Largest force [N] and largest moment [N m] at a grasp. Beyond, the run ends:
+            bears: Largest force [N] and largest moment [N m] at each grasp, or by tip, the others
+                without limits. Beyond, the run ends:
                 the event "grasp".
             plant: What acts besides: wheels, passive joints, and motor limits, which cut torques,
                 those that squeeze included; no wrenches.

@@ -22,13 +22,19 @@ import numpy as np
 import pinocchio as pin
 from scipy.integrate import DOP853
 
-from spacearm.arrays import Array, ArrayLike, finite, positive
+from spacearm.arrays import Array, ArrayLike, finite, positive, shape_of
 from spacearm.closure.closing import carried
 from spacearm.closure.target_paths import HELD, Carrying, gaps_table
 from spacearm.compiler import numbers
 from spacearm.equations.laws import Pose, State, quaternion_rate
 from spacearm.equations.plant import cut_torques, held_attitude, taken, yielding
-from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
+from spacearm.errors import (
+    ConfigurationError,
+    NoSolutionError,
+    UnsupportedError,
+    listed,
+    require_known,
+)
 from spacearm.mechanics.arm_kernels import structure_of
 from spacearm.mechanics.dynamics import (
     M_BB,
@@ -360,9 +366,9 @@ class _Run:
         arm, room = cfg.arm, []
         for kind in self.events:
             if kind == "grasp":
-                loads = np.zeros(2)
+                loads = np.zeros_like(self.bears)
                 if np.isfinite(self.bears).any():
-                    loads = _loads(self.state(t, cfg, v, self.others(t, cfg, v)[1]).wrenches).max(0)
+                    loads = _loads(self.state(t, cfg, v, self.others(t, cfg, v)[1]).wrenches)
                 room.append(float(np.min(self.bears - loads)))
             elif kind == "wheel full":
                 room.append(float(np.min(self.capacity - np.abs(cfg.wheels))))
@@ -393,16 +399,14 @@ def simulate_target(
     *,
     dq: ArrayLike | None,
     squeeze: Mapping[str, ArrayLike] | None,
-    bears: Sequence[float],
+    bears: Sequence[float] | Mapping[str, Sequence[float]],
     plant: Plant,
     integration: Integration,
     progress: Callable[[float, float], object] | None,
 ) -> TargetRun:
     """Simulate arms that hold a target; arguments, results and errors as of `Held.simulate`."""
     arm, duration = carrying.arm, positive(duration, "duration", "time [s]")
-    most = np.array(bears, dtype=np.float64)
-    if most.shape != (2,) or not (most > 0.0).all():
-        raise ConfigurationError(f"bears is {bears!r}; give a force [N] and a moment [N m] above 0")
+    most = _borne(arm.tips, bears)
     rates = np.zeros(arm.n) if dq is None else joint_vector(arm, dq, "dq")
     wanted = None if squeeze is None else _squeeze(carrying, squeeze)
     if plant.pushed:
@@ -483,6 +487,22 @@ def _result(run: _Run, t: Array, states: Array, events: tuple[Event, ...], ended
         grasps={tip: wrenches[:, i].copy() for i, tip in enumerate(arm.tips)},
         **closure,
     )
+
+
+def _borne(tips: Sequence[str], bears: Sequence[float] | Mapping[str, Sequence[float]]) -> Array:
+    """Return the largest force [N] and moment [N m] (tips, 2) of each grasp.
+
+    Raises:
+        ConfigurationError: A name is no tip, or they are not two numbers above 0.
+    """
+    given = bears if isinstance(bears, Mapping) else dict.fromkeys(tips, bears)
+    require_known("tip", given, tips, "bears: ")
+    for each in given.values():
+        if shape_of(each) != (2,) or not np.all(np.asarray(each, dtype=np.float64) > 0.0):
+            raise ConfigurationError(
+                f"bears is {bears!r}; give a force [N] and a moment [N m] above 0, or both by tip"
+            )
+    return np.array([given.get(tip, (np.inf, np.inf)) for tip in tips], dtype=np.float64)
 
 
 def _loads(wrenches: Array) -> Array:

@@ -154,6 +154,13 @@ def test_a_grasp_that_bears_too_little_ends_it():
     assert run.t[-1] == event.t
     tip = event.detail.split(":")[0]
     np.testing.assert_allclose(np.linalg.norm(run.grasps[tip][-1, :3]), most, rtol=1e-4, atol=0)
+    first = held.simulate(law(held), 1.0, bears={tip: (most, np.inf)}, integration=how)
+    np.testing.assert_allclose(first.t[-1], run.t[-1], atol=1e-9)
+    (other,) = set(held.arm.tips) - {tip}
+    free = held.simulate(law(held), run.t[-1], bears={other: (most, np.inf)}, integration=how)
+    assert free.ended == "duration"
+    with pytest.raises(sa.ConfigurationError, match="bears: unknown tip 'hand'"):
+        held.simulate(law(held), 1.0, bears={"hand": (1.0, 1.0)})
     table = run.describe().tables[-1]
     assert table.title == "What the grasps bear"
     assert len(table.rows) == 2
