@@ -190,7 +190,8 @@ def connected(
     """Tell whether a joint path leads from one posture to another without a singularity.
 
     The spacecraft floats; where it is does not matter. Of a square arm the answer is "no" where
-    det J* has one sign at the start and the other at the goal, rounding included. It is "yes" by
+    det J* has one sign at the start and the other at the goal, rounding included; then it says
+    which relaxation was tried and works, as `plan` does. It is "yes" by
     the straight line, or by a path of the planner, each with its certificate.
 
     Args:
@@ -213,15 +214,21 @@ def connected(
         >>> sa.connected(arm.at([0.3, 1.2]), arm.at([0.3, -1.2])).answer
         'no'
     """
-    from spacearm.singularities.sides import parted  # slow to import
+    from spacearm.planning.strategies.relaxations import relaxed  # slow to import, as all here
+    from spacearm.singularities.sides import parted
 
     arm = start.arm
     if goal.arm is not arm:
         raise ConfigurationError(
             f"goal is a configuration of {goal.arm!r}, start of {arm!r}; make both by at of one arm"
         )
+    free = Constraints(limits=limits, collisions=False, clearance=0.0)
+    there = arm.at(start.q), Joints(goal.q)
     if apart := parted(start, goal):
-        return Connection(arm, "no", f"{apart}; another posture of the same pose may do")
+        tried = relaxed(
+            PlanRequest.of(*there, "spacecraft", free, search, (), None, None), _floating
+        )
+        return Connection(arm, "no", "; ".join(filter(None, (apart, tried))))
     ends = {"start": start, "goal": goal}
     if limits and (beyond := [name for name, cfg in ends.items() if cfg.outside_limits]):
         joint = ends[beyond[0]].outside_limits[0]
@@ -232,16 +239,11 @@ def connected(
     if proof:
         return Connection(arm, "yes", "straight from one to the other", straight, proof)
     for name, cfg in ends.items():
-        if (there := singular_set(arm).clearance(cfg.q[None])).verdict == "singular":
+        if (at := singular_set(arm).clearance(cfg.q[None])).verdict == "singular":
             why = f"the {name} is singular itself; leave it along sa.singularity(cfg).gradient"
-            return Connection(arm, "no", why, certificate=there)
+            return Connection(arm, "no", why, certificate=at)
     try:
-        found = plan(
-            arm.at(start.q),
-            Joints(goal.q),
-            constraints=Constraints(limits=limits, collisions=False, clearance=0.0),
-            search=search,
-        )
+        found = plan(*there, constraints=free, search=search)
     except ImpossibleError as error:
         return Connection(arm, "no", str(error))
     except NoSolutionError as error:

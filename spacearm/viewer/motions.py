@@ -103,35 +103,37 @@ class HandFlight:
     Args:
         cfg: Where it begins.
         mode: What the spacecraft does.
-        frame: Axes of the twists.
 
     Attributes:
         cfg: Where the arm is.
         step: The last step of the servo; None before the first.
+        lost: (6,) direction of the tip's twist that is being lost, in the axes of the wish.
 
     Raises:
         UnsupportedError: A servo cannot lead the arm.
     """
 
-    def __init__(self, cfg: Configuration, mode: BaseMode, frame: Frame) -> None:
+    def __init__(self, cfg: Configuration, mode: BaseMode) -> None:
         arm, radian = cfg.arm, joint_scales(cfg.arm)
         speed = np.array([arm.tree.joints[name].velocity for name in arm.joint_names])
         self.servo = Servo(
-            arm, mode=mode, frame=frame, rates=np.minimum(speed, RATE * radian),
-            accelerations=PUSH * radian,
-        )  # fmt: skip
+            arm, mode=mode, rates=np.minimum(speed, RATE * radian), accelerations=PUSH * radian
+        )
         self.servo.start(cfg)
-        self.cfg = cfg
+        self.cfg, self.lost = cfg, np.zeros(6)
         self.step: ServoStep | None = None
         self._way: list[tuple[float, Configuration]] = [(0.0, cfg)]
 
-    def fly(self, twist: Array, seconds: float) -> ServoStep:
-        """Fly so long with a twist (6,) of the tip; return the last step."""
+    def fly(self, twist: Array, seconds: float, frame: Frame) -> ServoStep:
+        """Fly so long with a twist (6,) of the tip in axes of a frame; return the last step."""
         t = self._way[-1][0]
         count = max(1, math.ceil(min(seconds, PAUSE) / TICK))
         dt = min(seconds, PAUSE) / count
         for _ in range(count):
-            step = self.servo.step(self.cfg, twist, dt)
+            R = {"inertial": np.eye(3), "spacecraft": self.cfg.base.rotation,
+                 "tip": self.cfg.tip.rotation}[frame]  # fmt: skip
+            step = self.servo.step(self.cfg, (twist.reshape(2, 3) @ R.T).ravel(), dt)
+            self.lost = (step.lost.reshape(2, 3) @ R).ravel()
             self.cfg = moved(self.cfg, self.cfg.q + dt * step.rates, self.servo.mode)
             self.step, t = step, t + dt
             self._way.append((t, self.cfg))

@@ -226,9 +226,9 @@ class Session:
         frame: Any = message.get("frame")
         require_known("frame", str(frame)[:40], FRAMES)
         flight = self.flight
-        if flight is None or flight.cfg is not self.cfg or flight.servo.frame != frame:
-            flight = self.flight = HandFlight(self.cfg, self.spacecraft, frame)
-        step = flight.fly(twist, max(seconds, 0.0))
+        if flight is None or flight.cfg is not self.cfg:
+            flight = self.flight = HandFlight(self.cfg, self.spacecraft)
+        step = flight.fly(twist, max(seconds, 0.0), frame)
         near = None
         if math.isfinite(step.distance):
             q = flight.cfg.q
@@ -250,7 +250,7 @@ class Session:
             "moving": bool(step.rates.any()),
             "done": step.done,
             "slowed": step.halted or listed(list(step.slowed)),
-            "lost": step.lost.tolist(),
+            "lost": self.flight.lost.tolist(),
         }
 
     def _goal(self, message: dict[str, Any]) -> None:

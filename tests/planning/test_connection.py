@@ -6,11 +6,12 @@ from collections import Counter
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import chosen, load_text, random_chain
+from helpers.arms import chosen, load_text, planar_pair, random_chain
 
 import spacearm as sa
 from spacearm.motion.goal import goal_axes
 from spacearm.planning.many_curves import inverse_kinematics
+from spacearm.planning.strategies import relaxations
 from spacearm.singularities.polynomials import singularity_polynomial
 from spacearm.singularities.sides import on_the_other_side
 
@@ -107,6 +108,28 @@ def test_the_relaxation_of_an_impossible_plan_that_is_said_to_work_does(arm):
     assert sa.plan(arm.at([0.3, 1.2]), sa.Joints(q)).certificate.free
     with pytest.raises(sa.ImpossibleError, match="and works: final_attitude left open"):
         sa.plan(arm.at([0.3, 1.2]), (0.9, 1.4), final_attitude=sa.pose(rpy=(0.3, 0.0, 0.0)))
+
+
+def test_another_tip_that_is_said_to_work_does(monkeypatch):
+    monkeypatch.setattr(relaxations, "TIME", 60.0)  # of a busy machine
+    arm = planar_pair(tip="left").replace(link_length={"left_1": 0.3})
+    start, free = arm.at([2.0, 0.9]), sa.Constraints(collisions=False)
+    held = dict(zip(arm.joint_names, start.q, strict=True))
+    other = arm.replace(tip="right", locked=held)
+    goal = other.at([0.9, -0.8]).centred(start.com).tip.translation[:2]
+    with pytest.raises(sa.ImpossibleError, match="tried, and works: tip='right'"):
+        sa.plan(start, goal, constraints=free)
+    right = other.at(np.zeros(2)).centred(start.com)
+    assert sa.plan(right, goal, constraints=free).certificate.free
+
+
+def test_what_is_not_connected_says_which_posture_is(arm, monkeypatch):
+    monkeypatch.setattr(relaxations, "TIME", 60.0)
+    start, goal = arm.at([0.3, 1.2]), arm.at([0.3, -1.2])
+    reason = sa.connected(start, goal, search=sa.Search(timeout=60.0)).reason
+    assert "tried, and works: another posture of the same pose" in reason
+    q = np.radians([float(x) for x in re.findall(r"(-?[\d.]+)°", reason)])
+    assert sa.connected(start, arm.at(q)).answer == "yes"
 
 
 @pytest.mark.parametrize("seed", range(3))

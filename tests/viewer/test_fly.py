@@ -46,6 +46,24 @@ def test_what_is_slowed_and_lost_is_told_and_the_flight_becomes_a_motion():
     assert session.landed() is None
 
 
+def test_axes_are_changed_in_flight_and_the_motion_goes_on():
+    cfg = sa.load("planar2").at(np.radians([20.0, 80.0]), base=sa.pose(rpy=(0.0, 0.0, 0.7)))
+    session, lost = Session(cfg.arm, cfg), []
+    for frame in ("inertial", "spacecraft", "tip"):
+        before = session.cfg
+        R = {"spacecraft": before.base.rotation, "tip": before.tip.rotation}.get(frame, np.eye(3))
+        for _ in range(10):
+            fly(session, np.concatenate((R.T @ [0.05, 0.0, 0.0], np.zeros(3))).tolist(), 0.1, frame)
+        gone = session.cfg.tip.translation - before.tip.translation
+        np.testing.assert_allclose(gone / np.linalg.norm(gone), [1.0, 0.0, 0.0], atol=0.1)
+        R = {"spacecraft": session.cfg.base.rotation, "tip": session.cfg.tip.rotation}.get(frame, R)
+        lost.append(R @ session.readout()["flight"]["lost"][:3])
+    np.testing.assert_allclose(lost, lost[:1] * 3, rtol=0, atol=0.3)
+    motion = session.landed()
+    np.testing.assert_array_equal(motion.q[0], cfg.q)
+    np.testing.assert_allclose(motion.t[-1], 3.0, rtol=0, atol=1e-9)
+
+
 def test_it_begins_anew_where_the_arm_was_moved_otherwise():
     cfg = sa.load("planar2").at([0.3, 1.2])
     session = Session(cfg.arm, cfg)

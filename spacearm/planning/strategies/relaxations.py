@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +25,8 @@ TIME = 3.0
 SAME_POSE = "another posture of the same pose"
 #: Searches for other postures, and how many of those found are tried, nearest first.
 SEARCHES, POSTURES = 300, 3
+#: How many other tips are tried.
+TIPS = 3
 
 
 def relaxed(request: PlanRequest, find: Callable[[PlanRequest], Plan]) -> str:
@@ -45,6 +48,7 @@ def relaxed(request: PlanRequest, find: Callable[[PlanRequest], Plan]) -> str:
             tries[f"{SAME_POSE}, limits=False"] = _postures(free, request.goal)
     elif request.constraints.limits:
         tries["limits=False"] = [free]
+    tries |= _other_tips(quick)
     for words, requests in tries.items():
         for each in requests:
             try:
@@ -53,7 +57,31 @@ def relaxed(request: PlanRequest, find: Callable[[PlanRequest], Plan]) -> str:
                 continue
             ends = f", q = {found.arm.in_words(found.q[-1])}" if SAME_POSE in words else ""
             return f"tried, and works: {words}{ends}, {found.travel}"
-    return f"tried without success: {listed(tries)}; another tip may do" if tries else ""
+    return f"tried without success: {listed(tries)}" if tries else ""
+
+
+def _other_tips(request: PlanRequest) -> dict[str, list[PlanRequest]]:
+    """Return requests of the same goal for other ends of the robot, joints that end there held.
+
+    Joint positions are asked for of the same joints only, rates of each joint likewise.
+    """
+    start, arm, found = request.start, request.start.arm, dict[str, list[PlanRequest]]()
+    known = {**arm.held, **dict(zip(arm.joint_names, start.q.tolist(), strict=True))}
+    each = isinstance(request.goal, Joints) or np.ndim(request.constraints.rates) > 0
+    ends = [link for link in arm.whole.leaves() if link not in arm.tips and arm.whole.movable(link)]
+    for link in ends[:TIPS]:
+        leading = {arm.whole.leader(joint).name for joint in arm.whole.movable(link)}
+        if each and leading != set(arm.joint_names):
+            continue
+        still = {name: known[name] for name in arm.joint_names if name not in leading}
+        with catch_warnings():
+            simplefilter("ignore")
+            other = arm.replace(tip=link, joints="tip", locked=still)
+        if other.n < other.task.k or other.fault_of_task():
+            continue
+        there = other.at([known[name] for name in other.joint_names], base=start.base)
+        found[f"tip={link!r}"] = [replace(request, start=there.centred(start.com))]
+    return found
 
 
 def _postures(request: PlanRequest, goal: Joints) -> list[PlanRequest]:
