@@ -13,6 +13,7 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 import pinocchio as pin
 
+from spacearm.arrays import shape_of
 from spacearm.errors import NoSolutionError, listed
 from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.problem import Problem
@@ -67,7 +68,7 @@ def _other_tips(request: PlanRequest) -> dict[str, list[PlanRequest]]:
     """
     start, arm, found = request.start, request.start.arm, dict[str, list[PlanRequest]]()
     known = {**arm.held, **dict(zip(arm.joint_names, start.q.tolist(), strict=True))}
-    each = isinstance(request.goal, Joints) or np.ndim(request.constraints.rates) > 0
+    each = isinstance(request.goal, Joints) or bool(shape_of(request.constraints.rates))
     ends = [link for link in arm.whole.leaves() if link not in arm.tips and arm.whole.movable(link)]
     for link in ends[:TIPS]:
         leading = {arm.whole.leader(joint).name for joint in arm.whole.movable(link)}
