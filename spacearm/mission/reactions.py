@@ -162,9 +162,8 @@ class Reaction(Result):
         }
         load = self.load
         exceeded = [] if load is None else load.exceeded
-        if load is not None and exceeded and not self.unbounded and load.slower < np.inf:
-            took = np.ceil((self.t[-1] - self.t[0]) * load.slower)
-            exceeded.append(f"in {took:.0f} s, all rates lower by as much, the wheels can hold it")
+        if load is not None and exceeded and (slower := load.in_time(self.t[-1] - self.t[0])):
+            exceeded.append(slower)
         held = f"held, wheels take {wheels:.4g} N m s and {torque:.4g} N m"
         if self.unbounded:
             held = "held, " + UNBOUNDED

@@ -168,6 +168,17 @@ class WheelLoad(NamedTuple):
             )
         return float(max(momentum.max(), np.sqrt(torque.max())))
 
+    def in_time(self, duration: float) -> str:
+        """Say in what time the wheels can hold the attitude, where a motion takes too much of them.
+
+        Args:
+            duration: How long the motion takes [s].
+        """
+        if not 1.0 < self.slower < np.inf:
+            return ""
+        took = np.ceil(duration * self.slower)
+        return f"in {took:.0f} s, all rates lower by as much, the wheels can hold it"
+
     def table(self) -> Table:
         """Return the load of each wheel beside what it can."""
         columns = ("wheel", Column("momentum", "N m s"), Column("of at most", "N m s"),

@@ -17,7 +17,7 @@ from spacearm.errors import ConfigurationError, listed
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import momentum_and_torque
 from spacearm.mechanics.jacobian import momentum_matrix, singular_values
-from spacearm.model.arguments import BaseMode, free_components
+from spacearm.model.arguments import FLOATING, BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.joints import joint_vector
 from spacearm.model.wheels import WheelLoad, carried
@@ -360,18 +360,25 @@ class Motion(Result):
         )
 
     def _held(self) -> tuple[list[str], list[Table]]:
-        """Say what holding the attitude takes, and compare with the wheels that there are."""
-        if self.mode != "attitude-controlled" or len(self) < 2:
+        """Say what holding the attitude takes, and compare with the wheels that there are.
+
+        Where the spacecraft floats, in one sentence what that would take of wheels that do nothing.
+        """
+        floats = self.mode == FLOATING and bool(self.arm.wheels) and not self.wheels_act
+        if not (floats or self.mode == "attitude-controlled") or len(self) < 2:
             return [], []
         if self.ended_singular:
-            return [f"holding the attitude: {UNBOUNDED}"], []
+            return [f"holding the attitude: {UNBOUNDED}"] * (not floats), []
         moved, torque = momentum_and_torque(self.arm, self.q, self.dq, self.ddq)
         rates = [np.linalg.norm(x, axis=1).max() for x in (moved, torque)]
-        notes = [f"holding the attitude takes up to {rates[0]:.4g} N m s and {rates[1]:.4g} N m"]
-        notes += jump_notes(self.momentum_jump)
+        takes = "would take" if floats else "takes"
+        notes = [f"holding the attitude {takes} up to {rates[0]:.4g} N m s and {rates[1]:.4g} N m"]
+        notes += [] if floats else jump_notes(self.momentum_jump)
         if not self.arm.wheels or carried(self.arm.model, self.arm.wheels):
             return notes, []
         load = WheelLoad.of(self.arm.model, self.arm.wheels, self.momentum_on_board - moved, torque)
+        if floats:
+            return ["; ".join(filter(None, (*notes, load.in_time(self.t[-1] - self.t[0]))))], []
         return [*notes, *load.exceeded], [load.table()]
 
     @property
@@ -387,6 +394,11 @@ class Motion(Result):
     def momentum_on_board(self) -> Array:
         """(m, 3) angular momentum of the whole system, spacecraft axes, as far as it is known."""
         return np.zeros((len(self), 3))
+
+    @property
+    def wheels_act(self) -> bool:
+        """Whether wheels change what they hold."""
+        return False
 
     @property
     def ended_singular(self) -> bool:
@@ -580,6 +592,11 @@ class Trajectory(Motion, kw_only=True):
         units = {"units": "N, N m"}
         data = data.assign_coords(link=[*self.wrenches])
         return data.assign(wrenches=(("t", "link", "component"), values, units))
+
+    @property
+    def wheels_act(self) -> bool:
+        """Whether wheels change what they hold."""
+        return bool(self.wheel_torque.any())
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, with the balances of both audits."""

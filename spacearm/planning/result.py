@@ -247,6 +247,11 @@ class Plan(Drifting, kw_only=True):
         return nearness(self.nearest.distance, self.nearest.distance_proven)
 
     @property
+    def wheels_act(self) -> bool:
+        """Whether wheels change what they hold."""
+        return bool(self.wheel_load)
+
+    @property
     def travel(self) -> str:
         """The joint travel in words, with its unit."""
         return f"joint travel {self.length:.4g} {self.arm.travel_unit}"

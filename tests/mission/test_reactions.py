@@ -1,5 +1,7 @@
 """Reactions and wheels: identities of momentum, symmetric arms, the torque of inverse dynamics."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -317,3 +319,18 @@ def test_a_held_motion_says_what_holding_it_takes():
     found = sa.reaction(run)
     assert f"{np.abs(found.wheels).max():.4g} N m s" in notes
     assert "times the 0.001 N m s" in notes
+
+
+def test_a_plan_of_a_floating_spacecraft_says_what_holding_it_would_take():
+    """In the time that it names the wheels can hold it, and not in a second less."""
+    plan = sa.plan(wheeled(0.5, 30.0).at([0.3, 1.2]), (0.9, 1.4))
+    (said,) = (note for note in plan.describe().notes if "holding the attitude would" in note)
+    found = sa.reaction(plan)
+    moved, torque = (np.abs(x).max() for x in (found.wheels, found.torque))
+    assert f"up to {moved:.4g} N m s and {torque:.4g} N m; in " in said
+    lasts = float(re.search(r"in (\d+) s", said)[1])
+    (wheel,) = plan.arm.wheels
+    for t, enough in ((lasts, True), (lasts - 1.0, False)):
+        slower = plan.t[-1] / t
+        within = moved * slower <= wheel.capacity and torque * slower**2 <= wheel.torque
+        assert within == enough
