@@ -20,7 +20,7 @@ from spacearm.mechanics.dynamics import JointState
 from spacearm.model.arguments import BaseMode
 from spacearm.model.joints import joint_name
 from spacearm.results import Description, Table, joint_measures
-from spacearm.singularities.abstract_set import control_points, path_rows, prove_clear
+from spacearm.singularities.abstract_set import control_points, half_of, path_rows, prove_clear
 from spacearm.singularities.immaterial_masses import any_payload, payload_note
 from spacearm.singularities.nearest import angle, distances_found
 from spacearm.singularities.report import TOLERANCE
@@ -111,16 +111,17 @@ def check_path(
     given = sa.Motion.load(file, arm) if file.suffix == ".npz" else _postures(arm, file, deg)
     Q, way = path_rows(arm, given), control_points(arm, given)
     with working("proving") as progress:
-        proof = prove_regular(arm, Q, mode=mode, progress=progress)
+        wanted = opt.radians(clearance, deg, 0.0)
+        twice = bool(wanted) or way.shape[1] > 2  # a plan is flown between its rows
+        proof = prove_regular(arm, Q, mode=mode, progress=half_of(progress, 0, twice))
         if proof is None:
             raise sa.UnsupportedError(
                 f"{arm.name}: J* has no minors of a size that a proof could use, and the proof "
                 "without them is for floating arms with one tip and no sliding joints; "
                 "spacearm query looks at single postures"
             )
-        wanted = opt.radians(clearance, deg, 0.0)
-        if proof and (wanted or way.shape[1] > 2):  # a plan is flown between its rows
-            clear = prove_clear(arm, mode, way, wanted, progress=progress)
+        if proof and twice:
+            clear = prove_clear(arm, mode, way, wanted, progress=half_of(progress, 1))
             proof = replace(clear, margin=proof.margin)
         distance = distances_found(arm, mode, Q)
     outside = sorted({name for q in Q for name in arm.at(q).outside_limits})

@@ -168,7 +168,8 @@ def within_limits(arm: SpaceArm, q: Array) -> Array:
     turn = 2.0 * np.pi
     free = ~arm.slides if arm.coupling is None else np.zeros(arm.n, dtype=bool)
     bounded = free & np.isfinite(arm.lower) & np.isfinite(arm.upper)
-    middle = np.where(bounded, 0.5 * (arm.lower + arm.upper), 0.0)
+    middle = np.zeros(arm.n)
+    middle[bounded] = 0.5 * (arm.lower[bounded] + arm.upper[bounded])
     folded = q - turn * np.round((q - middle) / turn)
     outside = (q < arm.lower) | (q > arm.upper)
     return np.where(bounded & outside, folded, q)

@@ -81,6 +81,13 @@ def prove_free(
     return Certificate(True, None, None, margin, "free", noise)
 
 
+def half_of(progress: Progress | None, number: int, halved: bool = True) -> Progress | None:
+    """Return what tells of the first or second half of what `progress` tells, or of all of it."""
+    if progress is None or not halved:
+        return progress
+    return lambda done, total: progress((done + number * total) // 2, total)
+
+
 #: How far a chord that stands for several pieces of a path may be from it, over the clearance.
 CHORD = 0.02
 #: How many times as many boxes as that of a posture the proof of a clearance may take.
@@ -404,10 +411,11 @@ class SingularSet(Described, ABC):
             progress: Called now and then as progress(done, 1000), in thousandths of the path.
         """
         way = control_points(self.arm, path)
-        proof = self._proof(path_rows(self.arm, path), limits, progress)
-        if not proof or (not at_least and way.shape[1] <= 2):
+        twice = bool(at_least) or way.shape[1] > 2
+        proof = self._proof(path_rows(self.arm, path), limits, half_of(progress, 0, twice))
+        if not (proof and twice):
             return proof
-        clear = prove_clear(self.arm, self.mode, way, at_least, limits, progress)
+        clear = prove_clear(self.arm, self.mode, way, at_least, limits, half_of(progress, 1))
         return replace(clear, margin=proof.margin)
 
     def _proof(self, path: ArrayLike, limits: bool, progress: Progress | None) -> Certificate:

@@ -580,6 +580,9 @@ class Growth:
                 stack.append((centre[BATCH:], half[BATCH:]))
                 centre, half = centre[:BATCH], half[:BATCH]
             looked += len(centre)
+            self.cells += len(centre)
+            if self.progress:
+                self.progress(min(self.cells, self.effort.cells), self.effort.cells)
             free, taken = self.region.free(centre, half)
             centre, half, taken = centre[~free], half[~free], taken[~free]
             if not len(centre):
@@ -590,19 +593,11 @@ class Growth:
                 root, descents = self.crossing(low, high, side, centre[smallest]), descents + 1
             narrow = half.max(axis=1).min() < NARROW
             if root is not None or looked >= self.effort.slab or narrow:
-                self.count(looked)
                 return False, root
             centre, half = halved(centre, half, taken)
             near = self.away(centre, half, low, high) <= self.clearance
             stack.append((centre[near], half[near]))
-        self.count(looked)
         return True, None
-
-    def count(self, looked: int) -> None:
-        """Count cells, and tell of them."""
-        self.cells += looked
-        if self.progress:
-            self.progress(min(self.cells, self.effort.cells), self.effort.cells)
 
     def away(self, centre: Array, half: Array | float, low: Array, high: Array) -> Array:
         """Return how far cells are from a slab, rounded down."""

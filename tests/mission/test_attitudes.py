@@ -3,11 +3,12 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import load_text, random_chain
+from helpers.arms import chosen, load_text, random_chain
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import spacearm as sa
+from spacearm.mission.attitude_search import within_limits
 from spacearm.mission.rotations import (
     angle_between,
     attitudes,
@@ -234,6 +235,17 @@ def test_with_momentum_it_agrees_with_the_momentum_equation(arm):
     assert abs(slow.share - still.share) > 1e-2
     with pytest.raises(sa.UnsupportedError, match="zero momentum"):
         slow.motion(int(np.flatnonzero(np.isfinite(slow.q[:, 0]))[0]))
+
+
+def test_angles_are_turned_between_limits_where_a_joint_has_some():
+    """Of joints without limits nothing is said, not even a warning of NumPy's."""
+    arm = load_text(random_chain(chosen(11), 7, ("continuous", "revolute")), tip="tip")
+    limited = np.isfinite(arm.lower)
+    assert 0 < limited.sum() < 7
+    found = within_limits(arm, np.full((2, 7), 2.0 * np.pi + 1.0))
+    np.testing.assert_allclose(
+        found, np.tile(np.where(limited, 1.0, 2 * np.pi + 1), (2, 1)), atol=1e-12
+    )
 
 
 def test_joint_limits_end_motions(arm):

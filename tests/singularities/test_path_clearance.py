@@ -96,3 +96,14 @@ def test_only_what_is_within_the_limits_counts():
     found = sa.singular_set(narrow)
     assert not found.is_free(q, q, clearance=radius)
     assert found.is_free(q, q, clearance=radius, limits=True)
+
+
+def test_progress_of_a_clearance_never_falls():
+    """The path is proven free first, then clear: each is half of it."""
+    told = []
+    way = [[0.3, 1.0], [0.4, 1.2], [0.6, 1.1]]
+    found = sa.singular_set(sa.load("planar2"))
+    assert found.clearance(way, at_least=0.1, progress=lambda *x: told.append(x)).free
+    assert told == sorted(told)
+    assert any(2 * done >= of for done, of in told)
+    assert {of for _, of in told} == {1000}
