@@ -312,7 +312,7 @@ class Held(Result):
             tip: The hand that lets go.
             grasp: What it grasps: a grapple frame of the target, or a pose as of `sa.hold`.
             approach: How far it backs off and closes in along its z axis [m]; or the way of the
-                hand as it closes in, (3,) in its own axes.
+                hand as it closes in, (3,) in its own axes, as of planar arms.
             closing: Mean speed of that at most [m/s].
             constraints: What must hold; see `plan`. Backing off and closing in, the hand may touch
                 the target. Obstacles rest.

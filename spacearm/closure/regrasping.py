@@ -358,11 +358,9 @@ def freed(
     """Return the arm of one hand, all that moves others locked, and the links of the target.
 
     Raises:
-        ConfigurationError: The hand is none of those that hold, or the only one, or has no joint
-            of its own.
+        ConfigurationError: The hand is the only one that holds, or has no joint of its own.
     """
     arm, tree = cfg.arm, cfg.arm.whole
-    require_known("tip", tip, arm.tips)
     others = [other for other in arm.tips if other != tip]
     if not others:
         raise ConfigurationError(f"only {tip!r} holds, and nothing would; hold by another tip too")
@@ -406,11 +404,20 @@ def regrasp_target(
     search: Search,
 ) -> Regrasp:
     """Let one hand regrasp; arguments, results and errors as of `Held.regrasp`."""
+    require_known("tip", tip, cfg.arm.tips)
     if shape_of(approach) == ():
         approach = (0.0, 0.0, positive(approach, "approach", "distance [m]"))
     along = finite(approach, (3,), "approach", "[m], a distance or (3,) in the axes of the hand")
     positive(float(np.linalg.norm(along)), "length of approach", "distance [m]")
     speed = positive(closing, "closing", "speed [m/s]")
+    normal = cfg.arm.tree.plane_normal()
+    if normal is not None:
+        out = cfg.base.rotation[:, normal] @ cfg.tips[cfg.arm.tips.index(tip)].rotation @ along
+        if abs(out) > OPEN:
+            raise ConfigurationError(
+                f"approach leads the hand out of the plane of {cfg.arm.name}; give it in the axes "
+                "of the hand, such as approach=(0.1, 0, 0)"
+            )
     search_for = Freed(cfg, target, grasps, tip, along, speed, constraints, search)
     frame = pin.SE3.Identity() if target is None else target.pose
     back, way, close, tried = search_for.parts(cfg.base.actInv(frame * grasp))

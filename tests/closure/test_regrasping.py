@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.arms import planar_pair
 from helpers.closed import closed, roomy
 
 import spacearm as sa
@@ -146,6 +147,11 @@ def test_what_cannot_regrasp_is_told():
     ball = sa.Obstacle.sphere(0.1, sa.pose((9, 9, 9)), twist=(1, 0, 0, 0, 0, 0))
     with pytest.raises((sa.UnsupportedError, sa.ConfigurationError), match="moves"):
         held.regrasp(tip, far, constraints=sa.Constraints(limits=False, obstacles=ball))
+    rod = sa.Target(sa.Bus(5.0, size=(1, 0.1, 0.1)), sa.pose((0, 1.5, 0)))
+    ends = {"left": sa.pose((-0.3, 0, 0)), "right": sa.pose((0.3, 0, 0))}
+    flat = sa.hold(planar_pair().at([2.0, -1.2, 1.1, 1.2]), rod, ends, limits=False)
+    with pytest.raises(sa.ConfigurationError, match=r"out of the plane .* approach=\(0.1, 0, 0\)"):
+        flat.regrasp("left", sa.pose())
     alone = sa.load("chaser7").at([0.2, 0.6, 0, 1.2, 0, 0.8, 0])
     rail = sa.hold(alone, None, {alone.arm.tip: alone.tip})
     with pytest.raises(sa.ConfigurationError, match="hold by another tip too"):
