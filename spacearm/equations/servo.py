@@ -55,7 +55,7 @@ SLOTS = KEPT + SCOUTS
 PATIENCE, SEARCH = 24, 80
 #: Residual beyond which a posture is not on the set, way below which a scout is at rest, distance
 #: below which two are one, longest step [rad].
-LOST, AT_REST, APART, STRIDE = 0.1, 0.02, 0.05, 0.4
+LOST, AT_REST, APART, STRIDE = 0.1, 0.02, 0.02, 0.4
 #: Share of the way along the set that the first step takes, and the least; square of the changes of
 #: a way below which the share is that of the first [rad^2].
 SHARE, LEAST, SMOOTH = 0.7, 0.02, 1e-5
