@@ -43,6 +43,8 @@ GIVE = {
     "Configuration": "a configuration: arm.at(q)",
     "Motion": "a motion, as sa.plan, sa.follow and sa.simulate return",
     "Playable": "a motion, as sa.plan, sa.follow and sa.simulate return",
+    "Postures": "a configuration: arm.at(q), or a motion",
+    "Way": "a motion, as sa.plan, sa.follow and sa.simulate return",
     "UncertainArm": "an uncertain arm: sa.uncertain(arm, {...})",
     "Study": "a study: sa.Study.read(path)",
     "SE3": "a pose: sa.pose(xyz, rpy)",
@@ -406,7 +408,9 @@ def _words(hint: Hint) -> str:
     if isinstance(origin, type) and issubclass(origin, Iterable) and inner:
         return f"a list, each entry {_words(inner[0])}"
     library = str(getattr(origin, "__module__", "")).partition(".")[0]
-    return f"sa.{name}(...)" if library == "spacearm" else f"a {library}.{name}"
+    if library != "spacearm":
+        return f"a {library}.{name}"
+    return f"sa.{name}(...)" if name in sys.modules["spacearm"].__all__ else f"a {name}"
 
 
 def _no_such(

@@ -81,6 +81,19 @@ def test_a_function_is_checked_by_its_annotations_and_quotes_its_docstring():
             call()
 
 
+def test_messages_name_what_is_public():
+    """What to give for an argument: no name of ours that a user cannot write."""
+    for name in set(sa.__all__) - {"__version__"}:
+        thing = getattr(sa, name)
+        methods = [m for m in vars(thing).values() if inspect.isfunction(m)]
+        for function in [thing, *methods] if inspect.isclass(thing) else [thing]:
+            for hint in signatures._hints(function).values():
+                named = re.findall(r"\bsa\.(\w+)", signatures._words(hint))
+                assert set(named) <= set(sa.__all__), f"{name}: {named}"
+    with pytest.raises(sa.ConfigurationError, match=r"give a configuration: arm.at\(q\), or a mot"):
+        sa.free_box([0.3, 1.2])
+
+
 def test_shapes_of_arrays_are_those_of_the_docstring():
     @checked
     class Matrix:
