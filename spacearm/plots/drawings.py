@@ -14,6 +14,7 @@ from spacearm.errors import ConfigurationError
 from spacearm.plots import configurations, datasets, maps, mission, motions, reports, workspaces
 from spacearm.plots.style import DRAWINGS
 from spacearm.results import Described
+from spacearm.signatures import shown
 
 #: All that draw: they are entered in `DRAWINGS` when they are imported.
 MODULES = (configurations, datasets, maps, mission, motions, reports, workspaces)
@@ -29,7 +30,7 @@ def drawing_of(thing: object) -> Callable[..., Any]:
     names = sorted({kind.__name__ for kind in DRAWINGS} - {"Dataset"})
     alone = ", which is words and numbers alone (print it)" * isinstance(thing, Described)
     raise ConfigurationError(
-        f"there is no drawing of a {type(thing).__name__}{alone}; what can be drawn: "
+        f"there is no drawing of {shown(thing)}{alone}; what can be drawn: "
         f"{', '.join(names)}, the datasets of spacearm.design, sweep and simulate_many"
     )
 

@@ -310,7 +310,7 @@ def test_an_unknown_option_is_named(few, what, takes):
 
 @pytest.mark.parametrize("thing", [None, 3, "planar2", np.zeros(3), [1, 2]])
 def test_what_cannot_be_drawn_is_told_what_can(thing):
-    with pytest.raises(sa.ConfigurationError, match=r"no drawing of a .*Configuration.*Workspace"):
+    with pytest.raises(sa.ConfigurationError, match=r"no drawing of .*Configuration.*Workspace"):
         plot(thing)
 
 
