@@ -411,13 +411,18 @@ def search_cells(
         trials: The path.
         level: Of the cells, 12 4^level directions times 6 2^level rolls.
         refine: How many times cells at the border are divided into eight.
-        progress: Called as progress(done, attitudes).
+        progress: Called as progress(done, 1000); the largest ball is the last part.
 
     Returns:
         The outcomes in the middles of all cells; the cells (m, 2); their levels (m,).
     """
-    of = cells(level)
-    found = trials.at(attitudes(of, level), REACH * spacing(len(of)), progress)
+    of, parts = cells(level), 2 + refine
+
+    def tell(done: int, total: int, part: int = 0) -> None:
+        if progress:
+            progress(1000 * (part * total + done) // (parts * total), 1000)
+
+    found = trials.at(attitudes(of, level), REACH * spacing(len(of)), tell)
     levels = np.full(len(of), level)
     for finer in range(level + 1, level + refine + 1):
         border = (levels == finer - 1) & at_border(found, trials.feasible(found), levels)
@@ -429,6 +434,7 @@ def search_cells(
         found = joined((found.take(~border), more))
         of = np.concatenate((of[~border], inner))
         levels = np.concatenate((levels[~border], np.full(len(inner), finer)))
+        tell(1, 1, finer - level)
     return found, of, levels
 
 

@@ -332,7 +332,7 @@ def feasible_attitudes(
             so many cells of equal volume, 72 times a power of 8, 4,608 if None.
         refine: How many times the cells at the border are divided into eight, for spatial arms.
         seed: Seed of the random postures.
-        progress: Called as progress(done, attitudes) during the first pass.
+        progress: Called as progress(done, total).
 
     Returns:
         The attitudes tried with what came of each, the intervals of a planar arm, the largest ball.
@@ -400,6 +400,8 @@ def feasible_attitudes(
         weight, border = volume(levels), at_border(found, inside, levels)
         if inside.any():
             ball = Ball(*largest_ball(trials, found))
+        if progress:
+            progress(1000, 1000)
     return FeasibleAttitudes(
         arm=arm, path=path, margin=margin, limits=limits, momentum=h, speed=speed,
         length=sum(piece.length for piece in pieces), **found._asdict(), weight=weight, axis=axis,

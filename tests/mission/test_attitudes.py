@@ -319,6 +319,15 @@ def test_of_spatial_arms_share_ball_and_best_attitude(spatial):
         assert np.isfinite(finer.q).any()
 
 
+def test_progress_of_spatial_arms_counts_the_border_and_the_ball(spatial):
+    arm, q, path = spatial
+    told = []
+    sa.feasible_attitudes(arm.at(q), path, samples=72, refine=1, progress=lambda *x: told.append(x))
+    assert told == sorted(told)
+    assert (333, 1000) in told
+    assert told[-2:] == [(666, 1000), (1000, 1000)]
+
+
 @pytest.mark.slow
 def test_refining_the_border_moves_the_share_little(spatial):
     arm, q, path = spatial
