@@ -25,6 +25,8 @@ APPROACH, CLOSING = 0.2, 0.05
 WINDOW = (10.0, 120.0)
 TIMEOUT = 600.0
 """Time for each target [s]: processor time is what is reported of a machine that others use."""
+ROOM = 0.2
+"""Distance from the joint limits at which a known catch begins to close in [rad]."""
 STARTS = {
     "chaser7": [0.0, 0.6, 0.0, 1.2, 0.0, 0.8, 0.0],
     "servicer_ur5": [0.0, -1.2, 1.6, -0.4, 1.2, 0.0],
@@ -39,7 +41,7 @@ def still(cfg: sa.Configuration) -> sa.Motion:
 def known(start: sa.Configuration, rng: np.random.Generator) -> sa.Target | None:
     """Return a target with a known catch, None where the one drawn keeps no limits."""
     arm = start.arm
-    q = np.clip(start.q + rng.uniform(-1.2, 1.2, arm.n), arm.lower, arm.upper)
+    q = np.clip(start.q + rng.uniform(-1.2, 1.2, arm.n), arm.lower + ROOM, arm.upper - ROOM)
     begin, rates = rng.uniform(20.0, 90.0), sa.Constraints().joint_rates(arm)
     lasts = 2.0 * float(np.max(np.abs(q - start.q) / rates)) + 1.0
     there = sa.move(start, q)
@@ -81,11 +83,27 @@ def known(start: sa.Configuration, rng: np.random.Generator) -> sa.Target | None
         poses.append(
             pin.SE3(turn @ first.rotation, (1 - b) * first.translation + b * goal.translation)
         )
+    if not stepped(there, poses[::8], 8 * clock[0], rates):
+        return None
     chase = sa.follow(there, poses, times=clock, at_rest=False)
     if not chase.arrived or (np.abs(chase.dq) > rates).any():
         return None
     around = sa.Obstacle.of_target(target, begin=begin, may_touch=tip)
     return None if sa.collision_check(chase, obstacles=around).contact else target
+
+
+def stepped(cfg: sa.Configuration, poses: list[pin.SE3], dt: float, rates: np.ndarray) -> bool:
+    """Return whether rough steps from pose to pose keep about the limits: most draws do not."""
+    arm = cfg.arm
+    for pose in poses:
+        turn = pin.log3(pose.rotation @ cfg.tip.rotation.T)
+        twist = np.concatenate((pose.translation - cfg.tip.translation, turn))
+        dq = np.linalg.pinv(sa.generalized_jacobian(cfg)) @ twist
+        q = cfg.q + dq
+        if (np.abs(dq) > 1.5 * dt * rates).any() or ((q < arm.lower) | (q > arm.upper)).any():
+            return False
+        cfg = sa.move(cfg, q)
+    return True
 
 
 def replayed(catch: sa.Catch) -> np.ndarray:

@@ -156,6 +156,12 @@ class Approach:
         cfg = self.floats
         return cfg.centred(cfg.com + t * cfg.momentum[:3] / cfg.arm.mass)
 
+    @cached_property
+    def proves(self) -> float:
+        """Distance to the singular set [rad] to ask for at most: the start has no more."""
+        about = evaluate(self.floats.arm, self.start.q[None], ("distance",))["distance"]
+        return min(PROVEN, float(MOST * about[0]))
+
     @property
     def efforts(self) -> Array:
         """Largest torques (n,) of the joints [N m] or [N]."""
@@ -507,7 +513,7 @@ class Approach:
         Raises:
             NoSolutionError: It is not proven that they meet no singularity.
         """
-        arm, least = self.floats.arm, PROVEN
+        arm, least = self.floats.arm, self.proves
         known = singular_set(self.start.arm, mode=self.mode)
         for motion in motions:
             about = evaluate(arm, motion.q, ("distance",))["distance"].min()

@@ -66,7 +66,8 @@ def catch(
         touching: Links of the arm that may touch the target; if None those that move as the tip.
         bears: Largest force [N] and largest moment [N m] that the grapple bears at the tip while
             the arm is braked with the target in its hand.
-        wanted: How many catches are found before the best is taken.
+        wanted: How many catches are found before the best is taken; fewer where one keeps as far
+            from the singular set as is asked for.
         mode: What the spacecraft does: "free-floating", or "attitude-controlled".
         constraints: What must hold on the way, as for `plan`. Rates and torques are those of the
             description, unless rates are given.
@@ -130,7 +131,7 @@ def catch(
                     ends = min(ends, 2.0 * time.monotonic() - begun + 1.0)
                 found.append(one)
                 tried[t, name] = _told(one)
-                if one.distance_proven >= PROVEN:  # none is known to be better
+                if one.distance_proven >= request.proves:  # none is known to be better
                     ends = -math.inf
         waiting = again
     if not found:

@@ -69,6 +69,8 @@ def test_a_rehearsed_approach_is_about_the_one_that_is_led(caught):
         start, caught.target, None, (10.0, 30.0), 0.2, 0.05, None, (np.inf, np.inf),
         sa.Constraints(), "free-floating",
     )  # fmt: skip
+    far = sa.singularity(start).distance
+    assert request.proves == pytest.approx(min(np.radians(20.0), 0.7 * far), rel=1e-6)
     share, Q, turns = request.rehearsed(caught.t, caught.grapple, caught.plan.q[[-1, -1]])
     np.testing.assert_array_equal(Q[0], Q[1])
     np.testing.assert_allclose(Q[0, -1], caught.chase.q[-1], rtol=0, atol=0.03)

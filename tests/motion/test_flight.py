@@ -41,6 +41,9 @@ def test_a_grasp_keeps_the_momentum_of_arm_and_body():
     assert flight.begins.tolist() == [0.0, 2.0]
     np.testing.assert_array_equal(flight.at(4.0).q, after.at(2.0).q)
     assert flight.ended == "duration"
+    left, turns = float(np.linalg.norm(total[3:])), flight.turning[-1]  # there are no wheels
+    said = f"{left:.3g} N m s are left, and the spacecraft turns at {turns:.3g} rad/s"
+    assert said in flight.describe().notes
 
 
 def test_a_release_takes_away_what_the_body_has():
