@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 from helpers.arms import planar_pair
 from helpers.catching import caught, flown
+from helpers.closed import roomy
 from helpers.labels import touching
 from matplotlib.figure import Figure
 
@@ -144,6 +145,7 @@ def results(few):
         "free boxes of two joints": (sa.free_boxes(planar, most=400), 1),
         "free boxes": (sa.free_boxes(spatial, most=50), 1),
         "a map of a closed chain": (held().map(points=5), 2),
+        "a regrasp": (regrasped(), 4),
         "a connection": (sa.connected(planar.at([0.3, 1.2]), planar.at([0.4, 1.2])), 1),
         **{what: (store, 1 + ("one arm" in what)) for what, store in stores().items()},
     }
@@ -194,6 +196,13 @@ def held():
     ends = {"left": sa.pose((-0.3, 0, 0)), "right": sa.pose((0.3, 0, 0))}
     rod = sa.Target(sa.Bus(5.0, size=(1, 0.1, 0.1)), sa.pose((0, 1.5, 0)))
     return sa.hold(planar_pair().at([2.0, -1.2, 1.1, 1.2]), rod, ends)
+
+
+def regrasped():
+    pair, _ = roomy(1, tries=2)
+    tip = pair.arm.tips[0]
+    grasp = pair.grasps[tip] * sa.pose((0.05, -0.05, 0.02), (0.1, 0.2, -0.1))
+    return pair.regrasp(tip, grasp, approach=0.05, constraints=sa.Constraints(limits=False))
 
 
 @pytest.mark.slow
