@@ -197,7 +197,7 @@ EQUATIONS = [
         )),
         ("plant", "motion/test_plant equations/test_plant", (
             ("torques of springs", "-spring - given", "spring - given"),
-            ("torques are cut", "-given[\"effort\"]), given", "-given[\"effort\"]), 2.0 * given"),
+            ("torques are cut", "-effort), effort)", "-effort), 2.0 * effort)"),
             ("motors react on bodies", "moments[body] - rate * axis", "moments[body] + rate * axis"),
             ("wrenches act at a point", "xp.cross(r - at.centres[body], force)", "xp.cross(r + at.centres[body], force)"),
         )),
