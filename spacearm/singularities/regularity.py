@@ -131,14 +131,16 @@ class Pieces(NamedTuple):
         sides = np.column_stack((self.end - self.begin, self.high - self.low))
         return np.asarray(sides.max(axis=1))
 
-    def some(self, which: Booleans | slice) -> Pieces:
+    def some(self, which: Booleans | Integers | slice) -> Pieces:
         """Return some of them."""
         return Pieces(*(part[which] for part in self))
 
     def and_(self, other: Pieces) -> Pieces:
-        """Return these and others, those at the start of the path last."""
+        """Return these and others; of one arm alone those at the start of the path last."""
         both = Pieces(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
-        return Pieces(*(part[np.argsort(-both.begin, kind="stable")] for part in both))
+        if self.low.shape[1]:
+            return both
+        return both.some(np.argsort(-both.begin, kind="stable"))
 
     @property
     def volume(self) -> float:
