@@ -209,6 +209,7 @@ def test_joints_outside_their_limits_stand_in_the_headline_and_in_json():
     assert answer(*inside)["configuration"]["outside_limits"] == []
 
 
+@pytest.mark.slow
 def test_the_plane_has_areas_and_the_free_workspace_is_not_computed_unasked(tmp_path, monkeypatch):
     flat = answer("workspace", "planar2")
     assert flat["areas"]["reachable"] == pytest.approx(np.pi * flat["reachable"][0][1] ** 2)

@@ -27,6 +27,7 @@ def folder(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_two_arms_hold_a_target_and_others_read_the_posture(folder):
     words = ("hold", "dual_ur5", "--target", "debris.toml", *GRASPS, "--first-order")
     degrees = np.degrees(START)

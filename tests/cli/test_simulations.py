@@ -21,6 +21,7 @@ def run(*words, cwd):
     return spacearm("simulate", *words, cwd=cwd)
 
 
+@pytest.mark.slow
 def test_figures_5_and_6(tmp_path):
     done = run(*FIGURE_5, "--duration", 200, "--save", "run.npz", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -167,6 +168,7 @@ def test_phases_from_a_file_keep_the_momentum(tmp_path):
     np.testing.assert_allclose(after[-1], after[0], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_phases_are_played(monkeypatch, tmp_path):
     pytest.importorskip("tomllib")
     shown = []

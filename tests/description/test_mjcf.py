@@ -387,6 +387,7 @@ def many_bodies(n):
     return mjcf(f'<body name="bus"><freejoint/><geom size=".5"/>{bodies}</body>')
 
 
+@pytest.mark.slow
 def test_a_large_file_is_compiled_in_a_process_of_its_own_to_the_same(tmp_path, monkeypatch):
     path = tmp_path / "many.xml"
     path.write_text(many_bodies(700), encoding="utf-8")

@@ -42,6 +42,7 @@ def test_those_of_the_full_system_by_aba(seed, n):
         same_accelerations(arm.at(Q[i]), found[i], wanted[i], tau[i])
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(seeds, st.sampled_from(MODES))
 def test_those_of_one_state_at_a_time(seed, mode):

@@ -77,6 +77,7 @@ def test_it_says_of_every_attitude_what_follow_says(ring):
         assert run.distance.min() == pytest.approx(ring.distance[i], abs=coarse)
 
 
+@pytest.mark.slow
 def test_the_ends_are_where_follow_begins_to_fail(arm, ring):
     """To 1e-6 rad: the margin is kept on one side and not on the other, or there is no start."""
     assert len(ring.intervals) >= 1

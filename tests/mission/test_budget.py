@@ -17,6 +17,7 @@ def planar():
     return sa.momentum_budget(sa.load("planar2").at([-0.6, 1.4], momentum=H))
 
 
+@pytest.mark.slow
 @given(chains())
 @settings(max_examples=5)
 def test_with_the_joints_locked_all_turns_as_one_body(cfg):
@@ -110,6 +111,7 @@ def turned_along(motion, h):
     return most
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 5, 11, 22])
 def test_the_spacecraft_rests_in_a_replay_as_long_as_claimed(seed):
     """Of random arms, most of which come to where D_q loses rank; there the motion ends."""

@@ -55,6 +55,7 @@ def test_more_tilt_reaches_farther_and_a_margin_less(arm, reach):
     assert careful.volume < wider.volume
 
 
+@pytest.mark.slow
 def test_broken_lines_reach_more_and_follow_keeps_level_on_them(arm):
     small = np.radians(2.0)
     found = sa.level_reach(arm.at(Q), small, directions=90, planned=True)

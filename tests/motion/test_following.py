@@ -119,6 +119,7 @@ def test_the_same_motion_by_the_barycentric_jacobian(arm):
     assert attitude(run) == pytest.approx(np.degrees(y[2]), abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["free-floating", "attitude-controlled", "fixed"])
 def test_there_and_back_returns_a_square_task_to_its_joints(mode):
     """Along one line and back the path encloses nothing."""
@@ -245,6 +246,7 @@ def test_bad_input(arm, q0, path, options, message):
         sa.follow(arm.at(q0), path, **options)
 
 
+@pytest.mark.slow
 def test_only_who_calls_follow_is_warned_of_a_start_beyond_the_limits(arm):
     q0 = (3.9, 1.0)
     with pytest.warns(sa.ModelWarning, match="of planar2: joint 'joint_1' at 3.9 rad"):
@@ -282,6 +284,7 @@ def test_one_corner_with_a_time_is_passed_by_the_cubic_from_rest_to_rest(arm):
     assert run.s[-1] == pytest.approx(run.length, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at_rest", [True, False])
 def test_corners_are_passed_at_their_times(at_rest):
     arm = sa.load("mda6")
@@ -313,6 +316,7 @@ def test_wrong_times_are_refused(arm, options, message):
         sa.follow(arm.at([0.3, 1.2]), [(1.2, 1.2), (1.3, 1.2)], **options)
 
 
+@pytest.mark.slow
 def test_a_path_in_time_is_stopped_by_the_singularity_that_stops_the_line(arm):
     start = arm.at(A, base=at_the_cm(arm, A, 21.0))
     run = sa.follow(start, [B], times=[10.0])

@@ -154,6 +154,7 @@ def pushing(t, cfg, dq):
     return 5.0 * (np.array([0.5, 1.0]) - cfg.q) - 9.0 * dq
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [LAW, pushing])
 def test_sampled_runs_with_noise_are_those_of_simulate(law):
     plant = sa.Plant(limits=True, passive={"joint_2": sa.PassiveJoint(damping=0.1)})

@@ -96,6 +96,7 @@ def test_what_makes_no_sense_is_refused(arm):
     assert elsewhere.origin == "as base was given"
 
 
+@pytest.mark.slow
 def test_the_command_line_has_the_same_word(tmp_path):
     words = ("plan", "planar2", *START, "--goal", *POINT)
     assert answer(*words)["origin"] == "spacecraft at the start"

@@ -178,6 +178,7 @@ def test_a_force_brings_momentum_and_work():
     np.testing.assert_allclose(run.com[-1] - run.com[0], shift, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_thruster_turns_with_its_link():
     """A thruster at the CM of a spinning spacecraft along its own axis: circles, no net push."""
     arm = sa.load("planar2")

@@ -493,6 +493,7 @@ def test_high_gains_are_no_reason_to_stop():
     assert run.ended == "target"
 
 
+@pytest.mark.slow
 def test_a_simulation_may_run_inside_a_controller():
     arm = sa.load("planar2")
 

@@ -152,6 +152,7 @@ def limited(name, task, low, high):
     return load_text(text, task=task)
 
 
+@pytest.mark.slow
 def test_no_posture_of_the_starts_sign_is_found_where_it_is_proven_that_there_is_none():
     """Inverse kinematics from everywhere, the attitude free, contradicts no proof."""
     rng, proven = chosen(5), Counter()

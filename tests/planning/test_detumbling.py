@@ -73,6 +73,7 @@ def assert_at_rest(run):
     assert_close(rates_at(run, -1), 0.0, 1e-6, np.linalg.norm(before))
 
 
+@pytest.mark.slow
 def test_a_simulation_with_the_wheels_torques_ends_at_rest_at_the_goal(found):
     run = flown(found, rtol=1e-7)
     assert_at_rest(run)

@@ -40,6 +40,7 @@ def test_the_plan_without_momentum_would_miss(arm):
     assert np.linalg.norm(pin.log3(ends.T @ still[-1].base.rotation)) > 0.05
 
 
+@pytest.mark.slow
 def test_a_simulation_with_the_momentum_keeps_to_the_plan(found):
     run = sa.simulate(
         found[0],

@@ -29,6 +29,7 @@ def tip_twists(plan):
     return cfg, [pin.getFrameVelocity(arm.model, data, i, axes).vector for i in frames]
 
 
+@pytest.mark.slow
 def test_the_tip_arrives_with_its_twist_at_zero_momentum():
     arm = sa.load("mda6")
     goal = sa.move(arm.at(MDA), MDA + 0.3).tip
@@ -44,6 +45,7 @@ def test_the_tip_arrives_with_its_twist_at_zero_momentum():
     assert plan.certificate.free
 
 
+@pytest.mark.slow
 def test_where_it_starts_and_by_joints():
     arm = sa.load("planar2")
     start = arm.at(PLANAR)
@@ -57,6 +59,7 @@ def test_where_it_starts_and_by_joints():
             np.testing.assert_allclose(end.tip.translation[:2], goal, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_each_tip_has_its_own_twist_and_others_come_to_rest():
     arm = planar_pair(("left", "right"), "all")
     goal = sa.move(arm.at(PAIR), np.add(PAIR, [0.5, -0.4, -0.6, 0.5]))

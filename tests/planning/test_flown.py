@@ -51,6 +51,7 @@ def test_limits_are_checked_between_the_rows(tmp_path):
         assert (broken and broken[0]) == word
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mda6", "chaser7"])
 def test_contacts_on_curves_are_those_of_dense_samples(name):
     arm, rng = sa.load(name), np.random.default_rng(5)

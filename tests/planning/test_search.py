@@ -98,6 +98,7 @@ def test_a_search_uses_its_time_and_not_more(tmp_path):
     assert "To relax: limits=False" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_ctrl_c_says_what_was_tried(tmp_path):
     arm, goal = stiff(tmp_path)
 

@@ -136,6 +136,7 @@ def test_tips_of_a_held_spacecraft_arrive_within_the_limits_of_wheels(arm):
     assert 0.4 < np.abs(sa.reaction(plan).torque).max() <= 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tip", TIPS)
 def test_either_arm_with_the_other_held(tip):
     other = dict(zip([f"{t}_{j}" for t in TIPS for j in ("j1", "j2")], Q0, strict=True))
@@ -184,6 +185,7 @@ def test_what_cannot_be_done_is_said(arm, words):
         BAD[words](arm.at(Q0), {"left": (-2.0, 1.0), "right": (2.2, 0.3)})
 
 
+@pytest.mark.slow
 def test_an_attitude_that_cannot_be_kept_is_said():
     with pytest.raises(
         sa.NoSolutionError, match=r"turns by up to.*reactionless: 2 joints|2 joints"

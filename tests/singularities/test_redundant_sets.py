@@ -158,6 +158,7 @@ def test_planar_arms_with_a_redundant_joint(mode):
         assert sigma_ratio(arm, q, mode) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [3, 4, 5])
 def test_planar_arms_that_turn_the_tip(n):
     arm = load_text(planar_chain(n), tip="tip", task="x y rz")
@@ -210,6 +211,7 @@ def sliding(seed, kinds):
     return sa.singular_set(arm, mode="attitude-controlled")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "kinds"), [(34, "RPRPR"), (57, "PRPRR"), (58, "RPRRP")])
 def test_roots_of_the_minors_that_are_not_singular_are_left_out(seed, kinds):
     """The columns that the minors share are dependent there, and the others make up for it."""
@@ -360,6 +362,7 @@ def test_no_independent_search_finds_a_nearer_one(name):
         assert distance <= independent_distance(found, q, rng, 12) + 1e-7
 
 
+@pytest.mark.slow
 def test_nearest_of_chaser7_is_nearer_than_any_sample_and_a_short_search():
     arm = sa.load("chaser7")
     found = sa.singular_set(arm)
@@ -389,6 +392,7 @@ def test_nearest_within_limits():
         assert distance <= best + 1e-7
 
 
+@pytest.mark.slow
 def test_nearest_of_a_searched_set_is_a_stationary_point():
     arm = chain(2, 4, "position")
     found = sa.singular_set(arm)
@@ -559,6 +563,7 @@ def test_a_polynomial_that_vanishes_along_a_whole_sheet():
     assert len(main) == len(sheet) == 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "task"), [(0, "pose"), (3, "pose"), (1, "position")])
 def test_a_few_minors_prove_what_all_of_them_do(seed, task):
     arm = chain(seed, 7, task) if task == "pose" else chain(seed, 5, task)

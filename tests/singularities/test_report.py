@@ -74,6 +74,7 @@ def test_report_is_consistent(cfg):
     assert (report.kind == "regular") == (report.rank == k)
 
 
+@pytest.mark.slow
 @given(trees())
 def test_attitude_does_not_matter(cfg):
     for task in ("pose", "x y", "z", "x y rz", "y rx", "orientation", "x y z rz", "rx ry"):

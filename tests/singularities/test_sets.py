@@ -430,6 +430,7 @@ def test_nearest_is_global(name):
         assert distance <= np.linalg.norm(offsets, axis=1).min() + 1e-9
 
 
+@pytest.mark.slow
 def test_nearest_beside_a_valley_of_sigma_min_that_leads_nowhere():
     """sigma_min becomes small there and does not vanish; the set seems near and is far."""
     arm = sa.load("mda6")

@@ -113,6 +113,7 @@ ARMS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bow", [0.0, 0.01])
 @pytest.mark.parametrize("spread", SPREADS)
 @pytest.mark.parametrize("name", ARMS)
@@ -170,6 +171,7 @@ def test_a_proof_holds_for_many_samples(about):
     assert len(set(signs_of_samples(about, path, 500))) == 1
 
 
+@pytest.mark.slow
 def test_a_counterexample_is_one(arm, about):
     """A path that is free for the arm as described, and not for others."""
     nominal = sa.singular_set(arm)
@@ -221,6 +223,7 @@ def test_proofs_of_random_spatial_arms(seed, n):
     assert "free" in verdicts
 
 
+@pytest.mark.slow
 def test_redundant_arms_are_proven_too():
     arm, rng = sa.load("chaser7"), np.random.default_rng(1)
     about = sa.uncertain(arm, {link: {"mass": 0.05} for link in arm.whole.massive()})
@@ -299,6 +302,7 @@ def test_the_range_begins_at_zero_where_one_of_the_arms_is_singular(arm):
     assert 1 <= singular <= 4
 
 
+@pytest.mark.slow
 def test_shells_become_bands_around_those_of_the_arm(arm):
     about = sa.uncertain(arm, {"link_2": {"mass": 0.1}})
     bands = sa.shell_bands(about, samples=4)

@@ -105,6 +105,7 @@ def test_motions_are_played(arm):
         assert viewer.about()["motion"]["span"] == [0.0, float(thing.t[-1])]
 
 
+@pytest.mark.slow
 def test_a_flight_is_played_with_what_it_holds(arm):
     law = sa.JointPD([0.5, 1.0], kp=5.0, kd=5.0)
     body = sa.Grasp(mass=20.0, inertia=np.diag([2.0, 3.0, 4.0]), com=(0.3, 0.1, 0.0))
@@ -142,6 +143,7 @@ def test_a_flight_is_played_with_what_it_holds(arm):
         viewer.compare("fixed")
 
 
+@pytest.mark.slow
 def test_what_wheels_take_up_after_a_grasp_is_played():
     """Their arrows and curves: what they hold, and the torque that they give."""
     arm = load_text(with_wheels("planar2", np.eye(3)[2:], torque=0.5, rate=400.0), task="x y")

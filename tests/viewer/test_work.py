@@ -222,6 +222,7 @@ def test_a_plan_is_made_to_a_picked_goal_and_played(browser):
     viewer.close()
 
 
+@pytest.mark.slow
 def test_proven_ranges_are_told_with_whether_the_posture_is_in_them():
     arm = sa.load("planar2")
     viewer = sa.view(arm.at([0.3, 1.2]), open=False)

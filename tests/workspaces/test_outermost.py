@@ -26,6 +26,7 @@ def test_a_straight_planar_arm_reaches_its_length(mode):
     assert wanted <= bound <= wanted + 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["dual_ur5", "chaser7"])
 def test_branches_and_redundant_arms(name):
     arm = sa.load(name)

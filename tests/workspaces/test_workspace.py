@@ -592,6 +592,7 @@ def test_bad_commands(arguments, message, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["planar2", "planar3", "mda6"])
 def test_progress_never_falls_and_proofs_by_curves_count(name):
     shares = []
