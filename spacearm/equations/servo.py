@@ -296,7 +296,7 @@ def step(
     real = xp.logical_and(dt > 0.0, dt <= limits.longest)
     tick = xp.where(real, dt, memory.dt)
     began = memory.count >= 0.0
-    q = xp.where(small[0], q, before)
+    q = xp.where(small[0], q, before + memory.rates * memory.dt)  # where it is, as far as known
     reach = 2.0 * limits.rate * xp.maximum(tick, memory.dt) + JITTER
     moved = xp.absolute(q - before) / radians
     still = _extreme(xp.logical_and, moved <= reach)
