@@ -306,7 +306,7 @@ def test_shells_of_planar2_from_its_components():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 4, 10, 19])
+@pytest.mark.parametrize("seed", [0, 19])
 def test_ranges_of_components_are_those_that_are_proven(seed):
     """The workspace's bounds are proven by boxes; a search that ends early falls short of them."""
     arm = square_arm(seed, 3)
