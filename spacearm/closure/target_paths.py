@@ -39,11 +39,9 @@ from spacearm.results import Cell, Description, Measure, Table
 def with_target(
     cfg: Configuration, target: Target, at: pin.SE3, tip: str = ""
 ) -> tuple[Configuration, Tree]:
-    """Return a configuration with a target at a pose in the frame of a tip, and its tree.
+    """Return a configuration with a target at a pose in the frame of a tip, and the target's tree.
 
-    It is the first tip if none is named.
-
-    The names of its links are made free of those of the arm.
+    Without a name it is the first tip. The target's links get names that the arm has not.
     """
     tree, name = cfg.arm.whole, free_name("target", cfg.arm.whole.has)
     body = target.tree.renamed(lambda part: f"{name}_{part}")

@@ -14,6 +14,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib import figure as mpl_figure
 from matplotlib.font_manager import FontProperties
+from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation, Text
 from matplotlib.ticker import AutoLocator
 from matplotlib.transforms import Bbox, IdentityTransform
@@ -284,7 +285,9 @@ def annotate(
     axes: Any, text: str, at: Array, color: str, *, towards: Array = UP, formula: bool = False
 ) -> None:
     """Write a label beside a point, in the plane or in space, away from other labels."""
-    axes.add_artist(Label(text, at, towards, color=color, parse_math=formula, zorder=IN_FRONT))
+    label = Label(text, at, towards, color=color, parse_math=formula, zorder=IN_FRONT)
+    label.set_path_effects([withStroke(linewidth=2.5, foreground="white")])  # over bodies, too
+    axes.add_artist(label)
 
 
 def entitle(axes: Any, text: str, **look: Any) -> None:
