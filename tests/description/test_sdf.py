@@ -327,6 +327,105 @@ RING = [
 ]
 
 
+URDF = """<robot name="arm"><link name="base"/><link name="part"><inertial><mass value="2"/>
+<inertia ixx="1" iyy="1" izz="1"/></inertial></link><joint name="turn" type="continuous">
+<origin xyz="0.5 0 0" rpy="0 0 1"/><parent link="base"/><child link="part"/>
+<axis xyz="0 1 0"/></joint><link name="hand"/>
+<joint name="bolt" type="fixed"><parent link="part"/><child link="hand"/>
+<origin xyz="0 0 0.25"/></joint></robot>"""
+
+
+def test_an_included_urdf_is_a_nested_model(tmp_path):
+    """As the same arm mounted where the <include> places it."""
+    (tmp_path / "arm.urdf").write_text(URDF)
+    include = "<include><uri>arm.urdf</uri><name>left</name><pose>0 0 3 0.3 0 0</pose></include>"
+    bolt = joint("bolt", "arm", "left::base", "fixed")
+    arm = load(sdf(model(BUS, ARM, ELBOW, include, bolt)), tmp_path)
+    assert (arm.joint_names, arm.tip) == (("elbow", "left::turn"), "left::hand")
+    at = pin.SE3(pin.rpy.rpyToMatrix(0.3, 0, 0), np.array([0.0, 0.0, 3.0]))
+    at *= pin.SE3(pin.rpy.rpyToMatrix(0, 0, 1), np.array([0.5, 0.0, 0.0]))
+    at *= pin.SE3(pin.utils.rotate("y", 0.4), np.zeros(3)).act(
+        pin.SE3(np.eye(3), np.array([0, 0, 0.25]))
+    )
+    turned = pin.SE3(pin.utils.rotate("z", 0.2), np.array([1.0, 0, 0])) * pin.SE3(
+        np.eye(3), np.array([-1.0, 0, 0])
+    )
+    np.testing.assert_allclose(arm.at([0.2, 0.4]).tip, turned * at, atol=1e-14)
+    assert arm.mass == 53.0
+    placed = include.replace("<pose>", "<placement_frame>hand</placement_frame><pose>")
+    arm = load(sdf(model(BUS, ARM, ELBOW, placed, bolt)), tmp_path)
+    np.testing.assert_allclose(tip_at(arm, [0, 0]), [0, 0, 3], atol=1e-14)
+
+
+def drake(kind, parent="bus", child="arm"):
+    return (
+        f"<drake:joint name='free' type='{kind}'><drake:parent>{parent}</drake:parent>"
+        f"<drake:child>{child}</drake:child></drake:joint>"
+    )
+
+
+@pytest.mark.parametrize("space", ["", " xmlns:drake='http://drake.mit.edu'"])
+def test_planar_joints_of_drake_are_two_slides_and_a_hinge(space, tmp_path):
+    """In the axes of the parent, and the floating base below the world."""
+    turned = link("arm", pose="1 0 0 0.5 0 0")
+    text = sdf(model(BUS, turned, drake("planar"), attributes=space))
+    arm = load(text, tmp_path)
+    assert arm.joint_names == ("free_x", "free_y", "free_z")
+    moved = arm.at([0.3, -0.2, 0.7]).tip
+    tilted = pin.SE3(pin.rpy.rpyToMatrix(0.5, 0, 0), np.array([1.0, 0, 0]))
+    planar = pin.SE3(pin.utils.rotate("z", 0.7), np.array([0.3, -0.2, 0.0]))
+    np.testing.assert_allclose(moved, tilted * planar, atol=1e-15)
+    with pytest.warns(sa.ModelWarning, match="free_x, free_y, free_z are left out"):
+        base = load(sdf(model(BUS, ARM, ELBOW, drake("planar", "world", "bus"))), tmp_path)
+    assert (base.n, base.mass) == (1, 51.0)
+
+
+@pytest.mark.parametrize("kind", ["quaternion_floating", "rpy_floating", "floating"])
+def test_what_floats_is_not_joined(kind, tmp_path):
+    with pytest.warns(sa.ModelWarning, match="'free' of type.* is left out: 'bus' floats by"):
+        arm = load(sdf(model(BUS, ARM, ELBOW, drake(kind, "world", "bus"))), tmp_path)
+    assert (arm.n, arm.mass) == (1, 51.0)
+
+
+def test_mimic_joints_of_drake_follow(tmp_path):
+    follows = "<drake:mimic joint='elbow' multiplier='-2' offset='0.1'/>"
+    hand = link("hand", pose="2 0 0 0 0 0")
+    wrist = joint("wrist", "arm", "hand", inside=follows)
+    arm = load(sdf(model(BUS, ARM, hand, ELBOW, wrist)), tmp_path)
+    mimic = arm.whole.joints["wrist"].mimic
+    assert (arm.n, mimic) == (1, ("elbow", -2.0, 0.1))
+
+
+def gearbox(axes, parent="bus", child="arm", reference="bus", ratio=4.0):
+    return (
+        f"<joint name='gears' type='gearbox'><parent>{parent}</parent><child>{child}</child>{axes}"
+        f"<gearbox_reference_body>{reference}</gearbox_reference_body>"
+        f"<gearbox_ratio>{ratio}</gearbox_ratio></joint>"
+    )
+
+
+def geared(axes, spin="", elbow="", ends=("rotor", "arm"), ratio=4.0):
+    """A bus with a rotor and an arm on hinges of their own, coupled by a gearbox."""
+    hinges = [
+        joint(name, "bus", end).replace(LIMIT, LIMIT + more)
+        for name, end, more in (("spin", "rotor", spin), ("elbow", "arm", elbow))
+    ]
+    return model(BUS, ARM, link("rotor", 0.5), *hinges, gearbox(axes, *ends, ratio=ratio))
+
+
+@pytest.mark.parametrize(("axis", "sign"), [("", -1), ("<xyz>0 0 -1</xyz>", 1)])
+@pytest.mark.parametrize("rotor_first", [True, False])
+def test_a_gearbox_couples_the_hinges_of_its_links(axis, sign, rotor_first, tmp_path):
+    """By theta_2 = -ratio theta_1, whichever of them leads: the one of the arm does."""
+    hand, wrist = link("hand", pose="2 0 0 0 0 0"), joint("wrist", "arm", "hand")
+    ends = ("rotor", "arm") if rotor_first else ("arm", "rotor")
+    text = geared(f"<axis>{axis}</axis><axis2/>", ends=ends)
+    arm = load(sdf(text.replace("</model>", f"{hand}{wrist}</model>")), tmp_path)
+    assert arm.joint_names == ("elbow", "wrist")
+    mimic = arm.whole.joints["spin"].mimic
+    assert mimic == ("elbow", sign * (1 / 4.0 if rotor_first else 4.0), 0.0)
+
+
 BAD = {
     "two models": (sdf(model(BUS) + model(ARM)), "0 <world> and 2 <model> below <sdf>; keep one"),
     "nothing": (sdf(""), "0 <world> and 0 <model> below <sdf>; it needs one"),
@@ -339,8 +438,39 @@ BAD = {
         sdf(model(BUS, ARM, ELBOW.replace("<parent>bus</parent>", ""))),
         "joint 'elbow' has no <parent>; add",
     ),
-    "an unknown type": (sdf(model(BUS, ARM, elbow(kind="hinge"))), "'elbow' has type 'hinge'; use"),
-    "a gearbox": (sdf(model(BUS, ARM, elbow(kind="gearbox"))), "'gearbox'; use one of fixed, rev"),
+    "an unknown type": (
+        sdf(model(BUS, ARM, elbow(kind="hinge"))),
+        "'elbow' .line 3. has type 'hinge'; use",
+    ),
+    "a gearbox without hinges": (
+        sdf(model(BUS, ARM, ELBOW, gearbox("<axis/><axis2/>"))),
+        "joint 'gears' .line 3. couples the turns of 'bus' and 'arm' beside 'bus', which no hinge "
+        "joins; join each to it by one revolute joint",
+    ),
+    "a gearbox across its hinges": (
+        sdf(geared("<axis><xyz>1 0 0</xyz></axis><axis2/>")),
+        "joint 'gears' .line 3. has an <axis> along which 'spin' does not turn; give it that of",
+    ),
+    "a gearbox without a reference": (
+        sdf(geared("<axis/><axis2/>").replace("gearbox_reference_body", "reference")),
+        "joint 'gears' has no <gearbox_reference_body>; add <gearbox_reference_body>LINK<",
+    ),
+    "a gearbox of two coupled wheels": (
+        sdf(geared("<axis/><axis2/>", "<mimic joint='spin'/>", "<mimic joint='elbow'/>")),
+        "joint 'gears' .line 3. couples 'elbow' and 'spin', .* mimic others; remove",
+    ),
+    "a URDF that is a xacro source": (
+        sdf(model(BUS, ARM, ELBOW, "<include><uri>arm.urdf.xacro</uri></include>")),
+        "'arm.urdf.xacro' .line 3. means .*arm.urdf.xacro, a xacro source; expand it first",
+    ),
+    "a URDF that is merged": (
+        sdf(model(BUS, ARM, ELBOW, "<include merge='1'><uri>arm.urdf</uri></include>")),
+        "'arm.urdf' .line 3. merges a URDF; leave out merge=",
+    ),
+    "a curve of drake's": (
+        sdf(model(BUS, ARM, drake("curvilinear"))),
+        "joint 'free' .line 3. has type 'curvilinear'; use one of fixed, rev",
+    ),
     "a loop of joints": (
         sdf(model(BUS, ARM, ELBOW, joint("again", "bus", "arm"))),
         "again: a loop inside one arm, at link 'arm",
@@ -417,6 +547,8 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_bad_sdf_is_refused_with_file_element_and_remedy(case, tmp_path):
     text, message = BAD[case]
+    (tmp_path / "arm.urdf").write_text(URDF)
+    (tmp_path / "arm.urdf.xacro").write_text(URDF.replace("<link", "<xacro:a/><link", 1))
     with pytest.raises(sa.ModelError, match=message) as error:
         load(text, tmp_path)
     assert str(error.value).startswith(str(tmp_path / "robot.sdf"))

@@ -42,7 +42,7 @@ BAD = {
     ),
     "an unknown joint type": (
         robot(*two_links(kind="hinge")),
-        "joint 'elbow' has type 'hinge'; use one of revolute",
+        "joint 'elbow' .line [0-9]+. has type 'hinge'; use one of revolute",
     ),
     "a floating joint": (robot(*two_links(kind="floating")), "has no joint that can move"),
     "a planar joint": (robot(*two_links(kind="planar")), "'elbow' is of type 'planar'"),

@@ -516,7 +516,7 @@ def test_a_name_given_twice_is_found_where_it_is_written(tmp_path):
 
 def test_namespaces_need_no_declaration(tmp_path):
     write(tmp_path / "parts.xacro", PARTS.replace(SPACE, ""))
-    extra = '<drake:joint name="elbow" ignition:frame="arm"/>'
+    extra = '<drake:linear_bushing_rpy name="elbow" ignition:frame="arm"/>'
     path = write(tmp_path / "robot.xacro", of_bodies(extra).replace(SPACE, ""))
     assert sa.load(path).joint_names == ("elbow",)
 

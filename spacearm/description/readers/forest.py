@@ -88,6 +88,13 @@ class Forest:
         if last is not None and (apart or not joints):
             self.fix(parent, child, last)
 
+    def graft(self, tree: Tree) -> None:
+        """Add the links and joints of a robot."""
+        self.links |= tree.links
+        self.joints |= tree.joints
+        self.visuals |= tree.visuals
+        self.marks += tree.marks
+
     def cut(self) -> None:
         """Cut loops: of the joints that lead to a link the one that is nearest to the root stays.
 
@@ -249,12 +256,19 @@ def _has(tree: Tree, tip: str) -> bool:
     return any(link == tip or link.endswith(f"::{tip}") for link in tree.links)
 
 
-def turns(name: str, letters: str, origin: pin.SE3) -> list[Joint]:
-    """Return hinges in a row about coordinate axes, such as "xyz", as `Forest.join` takes them."""
+def turns(name: str, letters: str, origin: pin.SE3, slides: str = "") -> list[Joint]:
+    """Return hinges in a row about coordinate axes, such as "xyz", as `Forest.join` takes them.
+
+    Those about the axes in `slides` slide along them.
+    """
     axes = dict(zip("xyz", np.eye(3), strict=True))
     poses = [origin] + [pin.SE3.Identity()] * (len(letters) - 1)
     return [
-        Joint(f"{name}_{letter}", "continuous", "", "", pose, axes[letter])
+        Joint(
+            f"{name}_{letter}",
+            "prismatic" if letter in slides else "continuous",
+            *("", "", pose, axes[letter]),
+        )
         for letter, pose in zip(letters, poses, strict=True)
     ]
 

@@ -13,7 +13,7 @@ from spacearm.description.readers import mjcf, pinocchio_model, sdf, urdf
 from spacearm.description.readers.forest import check_mimics, warn_of_balls, with_floating_base
 from spacearm.description.readers.masses import checked
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS, PinocchioModel
-from spacearm.description.readers.source import Reading, Source
+from spacearm.description.readers.source import Reading, Source, in_xacro
 from spacearm.description.srdf import with_home
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError
@@ -55,7 +55,7 @@ def read(robot: RobotSource, reading: Reading | None = None) -> Tree:
 
 def _read(source: Source, root: etree._Element) -> Tree:
     """Read a file by its root element; a xacro source is expanded before."""
-    if in_xacro := _in_xacro(source, root):
+    if source_of_xacro := in_xacro(source.path, root):
         from spacearm.description.readers.xacro import expanded  # slow to import
 
         root = expanded(source, root)
@@ -64,7 +64,7 @@ def _read(source: Source, root: etree._Element) -> Tree:
     if root.tag == "sdf":
         return sdf.read(source, root)
     if root.tag == "mujoco":
-        if in_xacro:
+        if source_of_xacro:
             source.fail("is an MJCF in xacro", "expand it first: xacro FILE > robot.xml")
         return mjcf.read(source, root)
     if root.tag == "mujocoinclude":
@@ -72,14 +72,6 @@ def _read(source: Source, root: etree._Element) -> Tree:
     source.fail(
         f"is no robot file that is known: its root element is <{root.tag!s}>",
         "a URDF starts with <robot>, an SDF with <sdf>, an MJCF with <mujoco>",
-    )
-
-
-def _in_xacro(source: Source, root: etree._Element) -> bool:
-    """Whether a file is a xacro source, by its name or an element in it."""
-    return source.path.suffix == ".xacro" or any(
-        element.prefix == "xacro" or "/xacro" in (etree.QName(element).namespace or "")
-        for element in root.iter(etree.Element)  # the namespace has had several addresses
     )
 
 

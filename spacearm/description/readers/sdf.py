@@ -17,6 +17,7 @@ from lxml import etree
 
 from spacearm.arrays import LARGEST, LEAST_MASS, Array
 from spacearm.description.bodies import Inertial, Joint, Mimic
+from spacearm.description.grippers import PARALLEL
 from spacearm.description.readers.forest import Forest, turns, unprefixed
 from spacearm.description.readers.masses import solid_inertia
 from spacearm.description.readers.sdf_frames import WORLD, Contents, Scope, pose, relative_to, words
@@ -39,7 +40,12 @@ AXES = {
     "revolute2": ("axis", "axis2"),
     "screw": ("axis",),
     "ball": (),
+    "planar": (),
 }
+#: Joints that only bodies have that float beside each other, by which no force passes.
+FREE = ("floating", "quaternion_floating", "rpy_floating")
+#: A joint that couples the hinges of two links.
+GEARBOX = "gearbox"
 #: SDFormat's default of the density of collision shapes [kg/m^3].
 DENSITY = "1000"
 #: SDFormat's defaults; the radius of a capsule is 0.5.
@@ -81,9 +87,14 @@ class _Reader:
         for name, scope, link in self._contents.links:
             shapes = source.shapes(link, partial(self._shapes, name, scope))
             forest.add(name, self._inertial(name, scope, link), shapes)
+        for prefix, robot in self._contents.robots:
+            forest.graft(robot.renamed(prefix.__add__))
         forest.add(WORLD)
         for name, scope, element in self._contents.joints:
             self._join(forest, name, scope, element)
+        for name, scope, element in self._contents.joints:
+            if element.get("type") == GEARBOX:
+                self._couple(forest, name, scope, element)
         source.warn_of_missing_meshes()
         for name, mark in self._contents.marks:
             carrier = self._contents.frames.link_of(name, mark)
@@ -133,14 +144,19 @@ class _Reader:
     def _join(self, forest: Forest, name: str, scope: Scope, joint: etree._Element) -> None:
         """Join the child of a <joint> to its parent."""
         source, frames, kind = self._source, self._contents.frames, joint.get("type", "")
-        if kind not in AXES:
-            source.fail(f"joint {name!r} has type {kind!r}", f"use one of {', '.join(AXES)}")
+        if kind == GEARBOX:
+            return
+        if kind not in (*AXES, *FREE):
+            source.fail(f"{describe(joint)} has type {kind!r}", f"use one of {', '.join(AXES)}")
         parent, child = (
             frames.link_of(self._contents.end(joint, end, scope), joint)
             for end in ("parent", "child")
         )
         if child == WORLD or parent == child:
             source.fail(f"joint {name!r} leads from {parent!r} to {child!r}", "exchange or rename")
+        if kind in FREE:
+            source.warn(f"joint {name!r} of type {kind!r} is left out: {child!r} floats by itself")
+            return
         if kind == "fixed":
             forest.fix(parent, child, frames.pose(child, parent, joint), name)
             return
@@ -148,6 +164,8 @@ class _Reader:
         if kind == "ball":
             source.balls.append(name)
             row = turns(name, "xyz", origin)
+        elif kind == "planar":
+            row = turns(name, "xyz", origin, slides="xy")
         else:
             row = [self._axis(name, scope, joint, tag) for tag in AXES[kind]]
             row[0] = replace(row[0], origin=origin)
@@ -155,11 +173,61 @@ class _Reader:
                 row.append(self._advance(row[0], joint))
         forest.join(parent, child, row, last)
 
-    def _axis(self, name: str, scope: Scope, joint: etree._Element, tag: str) -> Joint:
-        """Read an <axis> or <axis2> with its limits, in the frame of the joint."""
-        source, kind = self._source, joint.get("type", "")
-        full = name if len(AXES[kind]) == 1 else f"{name}_{tag}"
-        axis = source.child(joint, tag)
+    def _couple(self, forest: Forest, name: str, scope: Scope, gearbox: etree._Element) -> None:
+        """Couple the hinges on which two links turn beside the reference body of a gearbox.
+
+        The turn of its child about <axis2> is -ratio times that of its parent about <axis>. The
+        hinge that carries less mass follows.
+        """
+        source, frames, contents = self._source, self._contents.frames, self._contents
+        base, *turning = (
+            frames.link_of(contents.end(gearbox, end, scope), gearbox)
+            for end in ("gearbox_reference_body", "parent", "child")
+        )
+        found, gain = list[tuple[bool, float, Joint]](), -1.0
+        for link, tag in zip(turning, ("axis", "axis2"), strict=True):
+            if not (hinge := self._hinge(base, link)):
+                source.fail(
+                    f"{describe(gearbox)} couples the turns of {turning[0]!r} and {turning[1]!r} "
+                    f"beside {base!r}, which no hinge joins",
+                    "join each to it by one revolute joint",
+                )
+            joint, (direction, _) = forest.joints[hinge], self._direction(name, scope, gearbox, tag)
+            along = joint.axis @ frames.pose(name, hinge, gearbox).rotation @ direction
+            if abs(along) < 1.0 - PARALLEL:
+                source.fail(
+                    f"{describe(gearbox)} has an <{tag}> along which {hinge!r} does not turn",
+                    "give it that of the hinge",
+                )
+            gain *= float(np.sign(along)) * (1.0 if joint.parent == base else -1.0)
+            mass = sum(p.mass for other in forest.behind(link) if (p := forest.links[other]))
+            found.append((joint.mimic is not None, mass, joint))
+        ratio = vector(source, gearbox, "gearbox_ratio", "1").item()
+        leads = found[0][:2] >= found[1][:2]
+        leader, follower = (joint for *_, joint in (found if leads else found[::-1]))
+        if follower.mimic or not ratio:
+            source.fail(
+                f"{describe(gearbox)} couples {leader.name!r} and {follower.name!r}, "
+                + ("which mimic others" if ratio else "by a ratio of 0"),
+                "remove one <mimic>" if ratio else "give the ratio of their turns",
+            )
+        gain *= ratio if leads else 1.0 / ratio
+        forest.joints[follower.name] = replace(follower, mimic=Mimic(leader.name, gain, 0.0))
+
+    def _hinge(self, link: str, other: str) -> str | None:
+        """Return the hinge that joins two links, if there is one."""
+        for name, scope, joint in self._contents.joints:
+            if joint.get("type") in ("revolute", "continuous"):
+                ends = (self._contents.end(joint, end, scope) for end in ("parent", "child"))
+                if {self._contents.frames.link_of(end, joint) for end in ends} == {link, other}:
+                    return name
+        return None
+
+    def _direction(
+        self, name: str, scope: Scope, joint: etree._Element, tag: str
+    ) -> tuple[Array, etree._Element]:
+        """Read the unit vector of an <axis> or <axis2>, in the frame of the joint."""
+        source, axis = self._source, self._source.child(joint, tag)
         if axis is None:
             source.fail(f"joint {name!r} has no <{tag}>", f"add <{tag}><xyz>0 0 1</xyz></{tag}>")
         direction = vector(source, axis, "xyz", "0 0 1")
@@ -172,6 +240,13 @@ class _Reader:
             frame = scope.own
         if frame:
             direction = self._contents.frames.pose(frame, name, joint).rotation @ direction
+        return direction, axis
+
+    def _axis(self, name: str, scope: Scope, joint: etree._Element, tag: str) -> Joint:
+        """Read an <axis> or <axis2> with its limits, in the frame of the joint."""
+        source, kind = self._source, joint.get("type", "")
+        full = name if len(AXES[kind]) == 1 else f"{name}_{tag}"
+        direction, axis = self._direction(name, scope, joint, tag)
         limits = source.child(axis, "limit")
         lower = limit(source, limits, "lower", -math.inf)
         upper = limit(source, limits, "upper", math.inf)
@@ -186,7 +261,7 @@ class _Reader:
         if kind != "prismatic":
             kind = "continuous" if math.isinf(lower) and math.isinf(upper) else "revolute"
         ends = (lower, upper, largest(velocity), largest(effort))
-        mimic = self._mimic(scope, axis)
+        mimic = self._mimic(scope, joint, axis)
         return Joint(full, kind, "", "", pin.SE3.Identity(), direction, *ends, mimic)
 
     def _advance(self, turn: Joint, joint: etree._Element) -> Joint:
@@ -225,11 +300,20 @@ class _Reader:
         )
         return whole
 
-    def _mimic(self, scope: Scope, axis: etree._Element) -> Mimic | None:
-        """Read <mimic>: the joint is at multiplier * (its leader - reference) + offset."""
+    def _mimic(self, scope: Scope, joint: etree._Element, axis: etree._Element) -> Mimic | None:
+        """Read <mimic>: the joint is at multiplier * (its leader - reference) + offset.
+
+        Drake's has no reference, and is written as in a URDF.
+        """
         source, mimic = self._source, self._source.child(axis, "mimic")
         if mimic is None:
-            return None
+            if (mimic := source.child(joint, "mimic")) is None:
+                return None
+            gain, offset = (
+                source.number(mimic, "multiplier", "1"),
+                source.number(mimic, "offset", "0"),
+            )
+            return Mimic(scope.name(mimic.get("joint", "")), gain, offset)
         leader = scope.name(mimic.get("joint", ""))
         two = [joint for name, _, joint in self._contents.joints if name == leader]
         if two and len(AXES.get(two[0].get("type", ""), ())) == 2:

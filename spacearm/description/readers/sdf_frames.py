@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import chain
 from pathlib import Path
@@ -19,8 +19,10 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from spacearm.description.readers.source import Source, describe
-from spacearm.description.tree import free_name
+from spacearm.description.readers import urdf
+from spacearm.description.readers.forest import warn_of_balls
+from spacearm.description.readers.source import Source, describe, in_xacro
+from spacearm.description.tree import Tree, free_name
 from spacearm.errors import listed, unknown
 
 
@@ -51,6 +53,7 @@ class Contents:
         links: Names, scopes and elements of the links.
         joints: Names, scopes and elements of the joints.
         marks: Names and elements of the <frame>s.
+        robots: URDFs that are included, with what comes before their names.
     """
 
     def __init__(self, source: Source, root: etree._Element, version: tuple[int, ...]) -> None:
@@ -66,13 +69,14 @@ class Contents:
         self.links: list[tuple[str, Scope, etree._Element]] = []
         self.joints: list[tuple[str, Scope, etree._Element]] = []
         self.marks: list[tuple[str, etree._Element]] = []
+        self.robots: list[tuple[str, Tree]] = []
         top = Scope("", WORLD)
         for world in worlds:
             self._contents(world, top)
         for model in models:
             self.name = model.get("name") or self.name
             self._model(model, top, Scope("", MODEL))
-        if not self.links:
+        if not (self.links or self.robots):
             source.fail("has no links", "describe the spacecraft and its arm by <link> and <joint>")
 
     def _model(self, model: etree._Element, outer: Scope, scope: Scope) -> None:
@@ -103,13 +107,16 @@ class Contents:
             self._nested(model, scope)
         for include in parent.findall("include"):
             needed = parent.tag == "model"
-            if (taken := included(source, include, needed=needed)) is None:
+            taken, robot = included(source, include, needed=needed)
+            if taken is None:
                 continue
             if include.get("merge") in ("true", "1"):
+                if robot:
+                    source.fail(f"{_said(include)} merges a URDF", "leave out merge='true'")
                 own = scope.name(f"__merged_{taken.get('name')}__")
                 self._model(taken, scope, Scope(scope.prefix, own))
             else:
-                self._nested(taken, scope)
+                self._nested(taken, scope, robot)
 
     def _placed(self, element: etree._Element, scope: Scope, at: str, to: str = "") -> str:
         """Add the frame of a link, a joint or a <frame>, and return its name from the top.
@@ -127,12 +134,16 @@ class Contents:
         self.frames.add(name, Frame(element, at, pose(self._source, element), to or name))
         return name
 
-    def _nested(self, model: etree._Element, scope: Scope) -> None:
-        """Read a nested model, in whose names its own comes first."""
+    def _nested(self, model: etree._Element, scope: Scope, robot: Tree | None = None) -> None:
+        """Read a nested model, in whose names its own comes first; a URDF brings its links."""
         name = scope.name(model.get("name", ""))
         self._model(model, scope, Scope(f"{name}::", f"{name}::{MODEL}"))
         own = f"{name}::{MODEL}"
         self.frames.add(name, Frame(model, own, pin.SE3.Identity(), own))
+        if robot:
+            self.robots.append((f"{name}::", robot))
+            for link, at in robot.frames.items():
+                self.frames.add(f"{name}::{link}", Frame(model, own, at, f"{name}::{link}"))
 
     def end(self, joint: etree._Element, end: str, scope: Scope) -> str:
         """Return the frame that a joint names as its <parent> or <child>."""
@@ -277,8 +288,12 @@ FOLDERS = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH", "GAZE
 DEEPEST = 20
 
 
-def included(source: Source, include: etree._Element, *, needed: bool) -> etree._Element | None:
+def included(
+    source: Source, include: etree._Element, *, needed: bool
+) -> tuple[etree._Element | None, Tree | None]:
     """Return the <model> that an <include> means, under its own name and at its own pose.
+
+    If it means a URDF, the <model> is empty and the robot comes with it.
 
     Args:
         source: The file.
@@ -288,25 +303,38 @@ def included(source: Source, include: etree._Element, *, needed: bool) -> etree.
     Raises:
         ModelError: The file is not found, or holds no model.
     """
-    uri = words(include, "uri")
+    uri, said = words(include, "uri"), _said(include)
     path = next((p for p in _candidates(source, uri) if p.is_file()), None)
     if path is None:
-        problem = f"<include> of {uri!r} (line {include.sourceline}) is not found"
+        problem = f"{said} is not found"
         if not needed:
             source.warn(f"{problem}: left out")
-            return None
+            return None, None
         source.fail(
             problem,
             "name the folder that holds it with packages=[FOLDER], or write the file out whole: "
             "gz sdf -p FILE",
         )
     if sum(1 for _ in include.iterancestors("include")) > DEEPEST:
-        source.fail(f"<include> of {uri!r} is more than {DEEPEST} deep", "cut the loop")
-    root = Source(path).root()
+        source.fail(f"{said} is more than {DEEPEST} deep", "cut the loop")
+    inner = Source(path, replace(source.reading, rigid=True, tips=()))
+    root = inner.root()
+    if in_xacro(path, root):
+        source.fail(f"{said} means {path}, a xacro source", "expand it first: xacro FILE > FILE")
+    if root.tag == "robot":
+        robot = urdf.read(inner, root)
+        warn_of_balls(inner, robot)
+        source.notes += inner.notes
+        model = etree.Element("model", name=robot.name, canonical_link=robot.root)
+        return _placed(model, include), robot
     models = root.findall("model")
     if root.tag != "sdf" or len(models) != 1:
-        source.fail(f"<include> of {uri!r} means {path}, which has no one <model>", "name another")
-    return _placed(models[0], include)
+        source.fail(f"{said} means {path}, which has no one <model>", "name another")
+    return _placed(models[0], include), None
+
+
+def _said(include: etree._Element) -> str:
+    return f"<include> of {words(include, 'uri')!r} (line {include.sourceline})"
 
 
 def _placed(model: etree._Element, include: etree._Element) -> etree._Element:

@@ -154,6 +154,8 @@ LENIENT = (
 #: The version of XML that a file states, which some write as 0.0.
 VERSION = re.compile(rb"""\A(<\?xml\s+version\s*=\s*["'])[\d.]+""")
 ROOT_TAG = re.compile(rb"(\s|<\?((?!\?>).)*\?>|<!--((?!-->).)*-->)*<[\w:.-]+", re.DOTALL)
+#: Prefix of elements that only Drake has, and those of them that mean what their names say.
+DRAKE, DRAKES = "drake", ("joint", "parent", "child", "mimic", "screw_thread_pitch")
 #: Attribute of a link or joint from a xacro source: the line and file where it is written.
 WRITTEN = "written-on"
 
@@ -259,7 +261,8 @@ class Source:
     def parsed(self, text: bytes) -> etree._Element:
         """Parse XML without entities, network access or DOCTYPE; its own namespace is dropped.
 
-        Namespaces need no declaration. Lines are those of the text, which may begin with blanks.
+        Namespaces need no declaration, and joints of Drake's are as others. Lines are those of the
+        text, which may begin with blanks.
         """
         try:
             root = xml(mended(text), bare=True)
@@ -269,6 +272,9 @@ class Source:
             self.fail("declares a DOCTYPE", "remove it: entities are not expanded")
         if own := etree.QName(root).namespace:
             for element in root.iter(f"{{{own}}}*"):
+                element.tag = etree.QName(element).localname
+        for element in root.iter(*(f"{{*}}{tag}" for tag in DRAKES)):
+            if element.prefix == DRAKE:
                 element.tag = etree.QName(element).localname
         return root
 
@@ -344,6 +350,14 @@ class Source:
             unit = self.unit(quaternion, f"{describe(origin)} {zero}", "give a unit quaternion")
             return pin.SE3(pin.Quaternion(unit), xyz)
         return pin.SE3(pin.rpy.rpyToMatrix(self.numbers(origin, "rpy", 3, "0 0 0")), xyz)
+
+
+def in_xacro(path: Path, root: etree._Element) -> bool:
+    """Whether a file is a xacro source, by its name or an element in it."""
+    return path.suffix == ".xacro" or any(
+        element.prefix == "xacro" or "/xacro" in (etree.QName(element).namespace or "")
+        for element in root.iter(etree.Element)  # the namespace has had several addresses
+    )
 
 
 def describe(element: etree._Element) -> str:

@@ -24,8 +24,8 @@ from spacearm.description.tree import Tree
 from spacearm.errors import listed, unknown
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
-#: Type of a ball joint in PyBullet and MuJoCo.
-BALL = "spherical"
+#: Types of a ball joint in PyBullet and MuJoCo, and in Drake.
+BALLS = ("spherical", "ball")
 #: Joints that only a spacecraft has; those above it are left out, for it floats by itself.
 FLOATING = ("floating", "planar")
 #: Name of a link that need not be declared.
@@ -59,7 +59,7 @@ def read(source: Source, robot: etree._Element) -> Tree:
         forest.links.setdefault(WORLD)  # which Drake knows without a <link>
     for name, joint in source.named(robot, "joint").items():
         found = _joint(source, joint, forest.links)
-        if found.kind == BALL:
+        if found.kind in BALLS:
             source.balls.append(name)
             forest.join(found.parent, found.child, turns(name, "xyz", found.origin))
         else:
@@ -146,9 +146,9 @@ def _inertial(source: Source, link: etree._Element) -> Inertial | None:
 
 def _joint(source: Source, element: etree._Element, links: Collection[str]) -> Joint:
     name, kind = element.get("name", ""), element.get("type", "").strip().lower()
-    if kind not in (*KINDS, *FLOATING, BALL):
+    if kind not in (*KINDS, *FLOATING, *BALLS):
         given = element.get("type", "")
-        source.fail(f"joint {name!r} has type {given!r}", f"use one of {', '.join(KINDS)}")
+        source.fail(f"{describe(element)} has type {given!r}", f"use one of {', '.join(KINDS)}")
     parent, child = (_end(source, element, end, links) for end in ("parent", "child"))
     if source.child(element, "wheel") is not None:
         if kind not in ("revolute", "continuous"):
@@ -156,7 +156,7 @@ def _joint(source: Source, element: etree._Element, links: Collection[str]) -> J
         kind = "wheel"
     axis = source.child(element, "axis")
     direction = np.array([1.0, 0.0, 0.0]) if axis is None else source.numbers(axis, "xyz", 3)
-    if kind in (*FLOATING, BALL):
+    if kind in (*FLOATING, *BALLS):
         direction = np.array([1.0, 0.0, 0.0])
     elif kind != "fixed":
         zero = f"joint {name!r} has a zero axis"
