@@ -17,7 +17,6 @@ from spacearm.errors import (
     ConfigurationError,
     ImpossibleError,
     NoSolutionError,
-    UnsupportedError,
     require_known,
 )
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
@@ -34,7 +33,7 @@ def plan(
     start: Configuration,
     goal: Goal | Joints | Mapping[str, Goal],
     *,
-    via: Sequence[Goal | Joints] = (),
+    via: Sequence[Goal | Joints | Mapping[str, Goal]] = (),
     final_attitude: ArrayLike | pin.SE3 | float | None = None,
     final_twist: FinalTwist | None = None,
     duration: float | None = None,
@@ -69,8 +68,8 @@ def plan(
         goal: A point in the task's linear rows [m], a pose, or `Joints`; of an arm with several
             tips goals by the names of tips. If one is named, joints that do not lead to it are free
             to move; to hold them, load the arm with this tip alone.
-        via: Goals on the way, in order, at zero momentum; the joints come to rest there only where
-            they turn sharply, and at the last one before a `final_twist`.
+        via: Goals on the way, in order, of several tips by the same names as `goal`. The joints
+            rest there with momentum on board or a `final_twist`, else only where they turn sharply.
         final_attitude: (3, 3) attitude that the spacecraft shall have at the end, or a pose with
             it, or for planar arms an angle [rad].
         final_twist: (k,) twist with which the tip arrives in the task's rows [m/s], [rad/s], along
@@ -112,7 +111,7 @@ def plan(
     if mode == FLOATING and constraints.wheels is not None:
         raise ConfigurationError(f"wheels hold no attitude while mode is {mode!r}; give {HELD!r}")
     request = PlanRequest.of(
-        start, goal, origin, constraints, search, tuple(via), final_attitude, duration, final_twist
+        start, goal, origin, constraints, search, via, final_attitude, duration, final_twist
     )
     if mode == FLOATING:
         return _possible(request)
@@ -274,24 +273,6 @@ def _possible(request: PlanRequest) -> Plan:
 
 def _floating(request: PlanRequest) -> Plan:
     """Return the plan of the strategy that is for a request, the spacecraft floating."""
-    from spacearm.planning.strategies.at_rest import at_rest  # slow to import, as all here
-    from spacearm.planning.strategies.drift import Drift, stretched
-    from spacearm.planning.strategies.legs import by_way_of_goals, to_a_twist
-    from spacearm.planning.strategies.several_tips import several_tips
+    from spacearm.planning.strategies.legs import by_way_of_goals, to_a_goal  # slow to import
 
-    if request.via and (request.moving or request.goals):
-        several = f"goal names {len(request.goals)} tips"
-        raise UnsupportedError(
-            "goals on the way (via) are for one tip at zero momentum, and "
-            f"{several if request.goals else 'there is momentum on board'}; plan leg by leg, "
-            "each from the last configuration of the one before: sa.plan(leg[-1], goal)"
-        )
-    if request.via and request.final_twist is not None:
-        return to_a_twist(request)
-    if request.moving or request.final_twist is not None:
-        return Drift(request).plan()
-    find = several_tips if request.goals else by_way_of_goals if request.via else at_rest
-    found = find(request)
-    if request.duration is None or len(found) == 1:
-        return found
-    return stretched(found, request.duration, request.account)
+    return (by_way_of_goals if request.via else to_a_goal)(request)

@@ -150,7 +150,7 @@ class PlanRequest:
         start: Where the plan begins, with the momentum on board and what the wheels hold of it.
         goal: Where the tip or the joints shall come.
         goals: Where several tips shall come, by their names, in place of `goal`.
-        via: Goals on the way.
+        via: Goals on the way, of several tips by their names.
         final_attitude: Attitude of the spacecraft at the end, as for `plan`.
         final_twist: (k,) twist of the tip at the end in the task's rows, of several tips one after
             the other; None for at rest.
@@ -165,7 +165,7 @@ class PlanRequest:
     start: Configuration
     goal: Goal | Joints
     goals: Mapping[str, Goal] = field(default_factory=dict)
-    via: tuple[Goal | Joints, ...] = ()
+    via: tuple[Goal | Joints | Mapping[str, Goal], ...] = ()
     final_attitude: ArrayLike | pin.SE3 | float | None = None
     final_twist: Array | None = None
     duration: float | None = None
@@ -183,7 +183,7 @@ class PlanRequest:
         origin: Origin,
         constraints: Constraints,
         search: Search,
-        via: tuple[Goal | Joints, ...],
+        via: Sequence[Goal | Joints | Mapping[str, Goal]],
         final_attitude: ArrayLike | pin.SE3 | float | None,
         duration: float | None,
         final_twist: FinalTwist | None = None,
@@ -195,10 +195,19 @@ class PlanRequest:
             UnsupportedError: The arm can never do its task, or has several tips, of
                 which none is named.
         """
-        start, goals = started(start, origin), dict[str, Goal]()
+        start, goals, via = started(start, origin), dict[str, Goal](), tuple(via)
         if isinstance(goal, Mapping):
             start, goals = _with_tips(start, goal), dict(goal)
             goal = next(iter(goals.values()))
+        for other in via:
+            named = set(other) if isinstance(other, Mapping) else set()
+            if named != set(goals) and (named or len(goals) > 1):
+                tips = listed(goals) if goals else "none"
+                raise ConfigurationError(
+                    f"via has {plain(other)!r}; name the tips that goal names: {tips}"
+                )
+        if len(goals) == 1:
+            via = tuple(next(iter(v.values())) if isinstance(v, Mapping) else v for v in via)
         arm, goals = start.arm, goals if len(goals) > 1 else {}
         if not goals:
             arm.require_one_tip()  # whose path the plan holds
@@ -224,6 +233,11 @@ class PlanRequest:
     def moving(self) -> bool:
         """Whether there is momentum on board, in the wheels or in sum."""
         return bool(self.start.momentum.any() or self.start.wheels.any())
+
+    @property
+    def timed(self) -> bool:
+        """Whether where it ends depends on the times: there is momentum, or a twist at the end."""
+        return self.moving or self.final_twist is not None
 
     @property
     def aims(self) -> dict[str, tuple[Configuration, pin.SE3]]:

@@ -66,15 +66,56 @@ def test_a_goal_on_the_way_that_cannot_be_reached_is_named(arm):
         sa.plan(arm.at(Q0), GOAL, via=[VIA, (9.0, 0.0)], search=sa.Search(timeout=2.0))
 
 
-def test_goals_on_the_way_with_momentum_or_several_tips_are_refused_with_the_remedy(arm):
+@pytest.mark.slow
+def test_the_tip_passes_the_goals_on_the_way_with_momentum(arm):
+    """The joints rest between legs, and the spacecraft goes on turning and drifting."""
+    start = arm.at(Q0, momentum=[0.5, -0.2, 0, 0, 0, 0.4])
+    end = arm.at([0.5, 1.1])
+    plan = sa.plan(start, GOAL, via=[VIA, sa.Joints(end.q)], duration=30.0)
+    assert plan.momentum[0].tolist() == start.momentum.tolist()
+    assert nearest(plan, VIA) < 1e-6
+    assert np.abs(plan.q - end.q).max(axis=1).min() < 1e-12
+    np.testing.assert_allclose(plan.tip[-1, :2], GOAL, atol=1e-6)
+    drifted = start.com + plan.t[-1] * start.momentum[:3] / arm.mass
+    np.testing.assert_allclose(plan.com[-1], drifted, atol=1e-9)
+    for row in (int(np.linalg.norm(plan.tip[:, :2] - VIA, axis=1).argmin()), -1):
+        flown = replay(plan, row)[0].tip.translation
+        np.testing.assert_allclose(flown, plan.tip[row, :3], atol=1e-6)
+    assert plan.certificate.free
+    assert plan.t[-1] == pytest.approx(30.0)
+
+
+@pytest.mark.slow
+def test_several_tips_pass_the_goals_on_the_way():
     pair = planar_pair()
-    start = arm.at(Q0, momentum=[0, 0, 0, 0, 0, 0.1])
-    with pytest.raises(sa.UnsupportedError, match=r"momentum on board.*plan\(leg\[-1\], goal\)"):
-        sa.plan(start, GOAL, via=[VIA])
+    q = np.array([0.3, 0.7, -0.3, 0.9])
+    way = [pair.at(q + np.array([0.1, -0.2, 0.1, 0.2]) * i) for i in range(3)]
+    goals = [
+        {tip: at.translation[:2] for tip, at in zip(pair.tips, cfg.tips, strict=True)}
+        for cfg in way
+    ]
+    for momentum in (np.zeros(6), [0, 0, 0, 0, 0, 0.3]):
+        plan = sa.plan(pair.at(q, momentum=momentum), goals[2], via=[goals[1]])
+        tips = [np.array([cfg.tips[i].translation[:2] for cfg in plan]) for i in (0, 1)]
+        off = sum(
+            np.linalg.norm(tip - goals[1][name], axis=1)
+            for tip, name in zip(tips, pair.tips, strict=True)
+        )
+        assert off.min() < 1e-6
+        for tip, name in zip(tips, pair.tips, strict=True):
+            np.testing.assert_allclose(tip[-1], goals[2][name], atol=1e-6)
+    one = sa.plan(pair.at(q), {"left": goals[2]["left"]}, via=[{"left": goals[1]["left"]}])
+    assert nearest(one, goals[1]["left"]) < 1e-6
+
+
+def test_goals_on_the_way_name_the_tips_that_the_goal_names(arm):
+    pair, goals = planar_pair(), {"left": (0.5, 1.0), "right": (0.5, -1.0)}
     at = pair.at([0.3, 0.7, -0.3, 0.9])
-    goals = {tip: pose.translation[:2] for tip, pose in zip(pair.tips, at.tips, strict=True)}
-    with pytest.raises(sa.UnsupportedError, match="goal names 2 tips; plan leg by leg"):
-        sa.plan(at, goals, via=[goals["left"]])
+    for via in ({"left": VIA}, VIA):
+        with pytest.raises(sa.ConfigurationError, match=r"via has .*name the tips .*: left, right"):
+            sa.plan(at, goals, via=[via])
+    with pytest.raises(sa.ConfigurationError, match="name the tips that goal names: none"):
+        sa.plan(arm.at(Q0), GOAL, via=[{"left": VIA}])
 
 
 @pytest.mark.parametrize("asked", ["at rest", "momentum", "via"])

@@ -291,12 +291,14 @@ def twist_of(cfg: Configuration, dq: Array) -> Array:
     return goal_rows(cfg, cfg.J @ generalized_velocity(cfg, dq))
 
 
-def stretched(plan: Plan, duration: float, account: SearchAccount) -> Plan:
-    """Return a plan without momentum that ends at a time [s].
+def stretched(plan: Plan, duration: float | None, account: SearchAccount) -> Plan:
+    """Return a plan without momentum that ends at a time [s], if one is asked for and it moves.
 
     Raises:
         NoSolutionError: The velocity limits do not allow it, or it meets an obstacle that moves.
     """
+    if duration is None or len(plan) == 1:
+        return plan
     if plan.t[-1] > duration:
         raise NoSolutionError(f"{plan.arm.name}: {_late(plan, duration)}", plan)
     plan = replace(plan, t=plan.t / plan.t[-1] * duration)
