@@ -121,9 +121,14 @@ def _found(tree: Tree, path: Path) -> Tips:
         wheels = [joint.name for joint in tree.leading()]
         if not wheels:
             raise ModelError(f"{path}: no joint can move; an arm needs at least one free joint")
+        lump = tree.lumps[tree.joints[wheels[0]].child]
+        named = next((link for link in lump if link not in tree.marks), lump[0])
+        idle = [link for link, part in tree.links.items() if not part and link in tree.visuals]
         raise ModelError(
             f"{path}: nothing moves but wheels ({listed(wheels)}); an arm needs a joint; if one "
-            f"of them is an arm's, name its link: tip={tree.joints[wheels[0]].child!r}"
+            f"of them is an arm's, name its link: tip={named!r}"
+            + f"; links without mass do not move ({listed(idle)}): density=2700 estimates it"
+            * bool(idle)
         )
     most = max(candidate.joints for candidate in candidates)
     sure = [c for c in candidates if c.sure and 2 * c.joints >= most] or candidates

@@ -413,6 +413,23 @@ def geared(axes, spin="", elbow="", ends=("rotor", "arm"), ratio=4.0):
     return model(BUS, ARM, link("rotor", 0.5), *hinges, gearbox(axes, *ends, ratio=ratio))
 
 
+def test_a_joint_from_a_body_to_the_robot_carries_it(tmp_path):
+    """Turned about the same axis, the other way; beside what is fixed between."""
+    bodies = (BUS, ARM, link("hand", 2.0, "2 0 0 0.3 0 0"), link("palm", 0.5, "2 0 0.5 0 0.2 0"))
+    at = "<pose relative_to='hand'>-0.3 0 0.1 0 0.4 0</pose>"
+    there = joint("bolt", "palm", "hand", "fixed")
+    back = joint("wrist", "hand", "arm", pose=at)
+    arm = load(sdf(model(*bodies, ELBOW, there, back)), tmp_path, tip="palm")
+    wanted = [joint("bolt", "hand", "palm", "fixed"), joint("wrist", "arm", "hand", pose=at)]
+    same = load(sdf(model(*bodies, ELBOW, *wanted)), tmp_path, tip="palm")
+    assert arm.joint_names == same.joint_names == ("elbow", "wrist")
+    cfg, other = arm.at([0.4, 0.9]), same.at([0.4, -0.9])
+    np.testing.assert_allclose(cfg.tip, other.tip, atol=1e-14)
+    np.testing.assert_allclose(
+        sa.generalized_jacobian(cfg), sa.generalized_jacobian(other) * [1, -1], atol=1e-13
+    )
+
+
 @pytest.mark.parametrize(("axis", "sign"), [("", -1), ("<xyz>0 0 -1</xyz>", 1)])
 @pytest.mark.parametrize("rotor_first", [True, False])
 def test_a_gearbox_couples_the_hinges_of_its_links(axis, sign, rotor_first, tmp_path):

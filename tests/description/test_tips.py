@@ -187,6 +187,17 @@ def test_wheels_are_no_arms():
     assert found(BUS, *spun, *arm_of(1)).tip == "l_1"
 
 
+def test_an_arm_without_mass_among_wheels_is_asked_for_its_density():
+    wheel = [link("wheel"), joint("spin", "bus", "wheel")]
+    shape = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
+    arm = [f'<link name="arm">{shape}</link>', joint("elbow", "bus", "arm")]
+    with (
+        pytest.warns(sa.ModelWarning, match="'elbow' is held"),
+        pytest.raises(sa.ModelError, match=r"without mass do not move \(arm\): density=2700"),
+    ):
+        found(BUS, *wheel, *arm)
+
+
 def test_a_tip_among_very_many_joints_must_be_named():
     parts = [part for i in range(301) for part in arm_of(1, f"m{i}x")]
     with pytest.raises(sa.ModelError, match="301 movable joints are too many to look for a tip"):

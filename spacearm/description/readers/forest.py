@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -98,8 +99,11 @@ class Forest:
     def cut(self) -> None:
         """Cut loops: of the joints that lead to a link the one that is nearest to the root stays.
 
-        Each other one leads to a link of its own, without mass, where it holds that link.
+        Each other one leads to a link of its own, without mass, where it holds that link. Before,
+        joints are turned that lead to the robot from what it carries.
         """
+        while self._hang():
+            pass
         roots = sorted(self.roots(), key=lambda root: -len(self.behind(root)))
         after: dict[str, list[Joint]] = {}
         for joint in self.joints.values():
@@ -118,6 +122,44 @@ class Forest:
                         self.loops.append(Loop(self._moved_by(joint), end, joint.child, HERE))
                     reached.add(end)
                     waiting.append(end)
+
+    def _hang(self) -> bool:
+        """Hang one root on a link that another one leads to, too, the lighter on the heavier.
+
+        A root that is fixed to that link is held by it and stays.
+        """
+        ways: dict[str, tuple[str, list[Joint]]] = {}
+        after: dict[str, list[Joint]] = {link: [] for link in self.links}
+        for joint in self.joints.values():
+            after[joint.parent].append(joint)
+        for root in self.roots():
+            waiting = [root]
+            ways[root] = (root, [])
+            for link in waiting:
+                for joint in after[link]:
+                    mine = (root, [*ways[link][1], joint])
+                    theirs = ways.setdefault(joint.child, mine)
+                    if theirs is mine:
+                        waiting.append(joint.child)
+                    elif theirs[0] != root and not (_fixed(mine[1]) or _fixed(theirs[1])):
+                        self._turn(min(mine, theirs, key=lambda way: self._weight(way[0]))[1])
+                        return True
+        return False
+
+    def _weight(self, root: str) -> float:
+        """Return the mass of a root; what has none carries the others."""
+        part = self.links[root]
+        return part.mass if part and part.mass else math.inf
+
+    def _turn(self, way: Sequence[Joint]) -> None:
+        """Lead a row of joints from its last link to its first one."""
+        for joint in way:
+            there = joint.origin.inverse()
+            if joint.movable:
+                back = replace(joint, origin=HERE, axis=-joint.axis)
+                self.join(joint.child, joint.parent, [back], there)
+            else:
+                self.fix(joint.child, joint.parent, there, joint.name)
 
     def _moved_by(self, joint: Joint) -> str:
         """Return the name of a joint, or of the movable one in a row of which it is the end."""
@@ -249,6 +291,11 @@ class Forest:
                 f"it: {listed(others)}"
             )
         return trees[0]
+
+
+def _fixed(way: Sequence[Joint]) -> bool:
+    """Whether a row of joints fixes its ends to each other."""
+    return bool(way) and not any(joint.movable for joint in way)
 
 
 def _has(tree: Tree, tip: str) -> bool:
