@@ -375,7 +375,7 @@ def test_planar_joints_of_drake_are_two_slides_and_a_hinge(space, tmp_path):
     tilted = pin.SE3(pin.rpy.rpyToMatrix(0.5, 0, 0), np.array([1.0, 0, 0]))
     planar = pin.SE3(pin.utils.rotate("z", 0.7), np.array([0.3, -0.2, 0.0]))
     np.testing.assert_allclose(moved, tilted * planar, atol=1e-15)
-    with pytest.warns(sa.ModelWarning, match="free_x, free_y, free_z are left out"):
+    with pytest.warns(sa.ModelWarning, match="'free' of type 'planar' is left out: 'bus' floats"):
         base = load(sdf(model(BUS, ARM, ELBOW, drake("planar", "world", "bus"))), tmp_path)
     assert (base.n, base.mass) == (1, 51.0)
 

@@ -154,7 +154,7 @@ class _Reader:
         )
         if child == WORLD or parent == child:
             source.fail(f"joint {name!r} leads from {parent!r} to {child!r}", "exchange or rename")
-        if kind in FREE:
+        if kind in FREE or (kind == "planar" and parent == WORLD):
             source.warn(f"joint {name!r} of type {kind!r} is left out: {child!r} floats by itself")
             return
         if kind == "fixed":
