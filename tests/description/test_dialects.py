@@ -179,6 +179,7 @@ CHANGES = {
         '<drake:linear_bushing_rpy name="elbow" ignition:frame="arm"/></robot>',
     ),
     "names with two colons": (END, "<a::b c='1'><d::e/></a::b></robot>"),
+    "attributes without a blank between": (' name="r"', " version='1'name=\"r\""),
     "hyphens in a comment": (END, "<!-- xacro --inorder\n a.xacro ---></robot>"),
     "a comment before the declaration": ("<?xml", "<!-- made by x --y -->\n<?xml"),
     "a blank line before the declaration": ("<?xml", "\n  <?xml"),

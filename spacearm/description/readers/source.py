@@ -150,6 +150,7 @@ LENIENT = (
     ("hyphen within comment", re.compile(rb"(?<=<!--).*?(?=-->)", re.DOTALL), b" "),
     ("declaration allowed only", re.compile(rb"(?<!\A)<\?xml\s.*?\?>", re.DOTALL), b" "),
     ("Failed to parse QName", re.compile(rb"(?<=:):(?=[\w.-]+[\s/>])"), b"_"),
+    ("attributes construct", re.compile(rb"""(?<=["'])(?=[A-Za-z_][\w.-]*\s*=\s*["'])"""), b" "),
 )
 #: The version of XML that a file states, which some write as 0.0.
 VERSION = re.compile(rb"""\A(<\?xml\s+version\s*=\s*["'])[\d.]+""")
@@ -377,8 +378,9 @@ def line_of(element: etree._Element) -> str:
 def mended(text: bytes) -> bytes:
     """Return XML 1.0 that a strict parser reads as those of simulators read the text.
 
-    Namespace prefixes are declared. Blanks before the declaration, hyphens in comments,
-    declarations further down and names such as a::b are mended; lines stay where they are.
+    Namespace prefixes are declared. Blanks before the declaration, none between attributes, hyphens
+    in comments, declarations further down and names such as a::b are mended; lines stay where they
+    are.
     """
     body = VERSION.sub(rb"\g<1>1.0", text.lstrip())
     if body.startswith(b"<?xml"):  # which must come first; the number of lines stays
@@ -410,8 +412,8 @@ def _mended(text: bytes, fault: str) -> bytes:
 
 
 def _filled(filler: bytes, found: re.Match[bytes]) -> bytes:
-    """Return what was found, each character of its lines replaced by another one."""
-    return re.sub(rb"[^\n]", filler, found[0])
+    """Return what was found, each character of its lines replaced by another one; it, if none."""
+    return re.sub(rb"[^\n]", filler, found[0]) or filler
 
 
 T = TypeVar("T")
