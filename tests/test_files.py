@@ -117,6 +117,7 @@ def test_what_cannot_be_written_is_refused_before_and_nothing_is_left_of_what_ca
             files.writable(path)
 
 
+@pytest.mark.slow
 @given(st.text(max_size=300))
 def test_no_name_leads_to_another_folder(name):
     part = files.name_part(name)

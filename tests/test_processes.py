@@ -90,6 +90,7 @@ def test_a_worker_ends_when_its_input_does_in_the_midst_of_a_call():
     worker.stdout.close()
 
 
+@pytest.mark.slow
 def test_a_worker_that_ended_before_it_was_asked_leaves_nothing_open(process):
     process.kill()
     os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)

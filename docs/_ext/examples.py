@@ -17,7 +17,7 @@ def write(docs: Path) -> None:
     """Run the examples that have changed; their output and pictures go to generated/examples.
 
     Raises:
-        RuntimeError: An example fails.
+        RuntimeError: An example fails or warns.
     """
     folder = docs / "generated" / "examples"
     folder.mkdir(parents=True, exist_ok=True)
@@ -35,12 +35,12 @@ def _keep(folder: Path, path: Path) -> None:
 def _output(path: Path, folder: Path) -> str:
     """Run an example and return what it prints."""
     run = subprocess.run(
-        [sys.executable, "-W", "ignore", path],
+        [sys.executable, path],
         cwd=folder, env=os.environ | {"MPLBACKEND": "Agg"}, capture_output=True, text=True,
     )  # fmt: skip
     last = run.stderr.strip().rpartition("\n")[2]
     if run.returncode and any(name in last for name in MISSING):
         return f"(not run here: {last.partition(': ')[2]})\n"
-    if run.returncode:
-        raise RuntimeError(f"{path} fails: {run.stderr}")
+    if run.returncode or "Warning: " in run.stderr:
+        raise RuntimeError(f"{path} fails or warns: {run.stderr}")
     return run.stdout

@@ -79,7 +79,6 @@ def find_catch(
     window: str = "0,60",
     grapple: str | None = None,
     fly: bool = False,
-    mode: opt.MaybeMode = None,
     attitude: opt.Attitude = None,
     save: opt.Save = None,
     more: With = None,
@@ -100,7 +99,7 @@ def find_catch(
         fly: Simulate the catch, from the approach to rest; --save gives each phase a file.
     """
     told = ("approach", "closing", "touching", "bears", "wanted", "mode")
-    asked = question(more, "start", "constraints", "search", *told, mode=mode)
+    asked = question(more, "start", "constraints", "search", *told)
     start = start_of(arm, asked, q, attitude, deg)
     early, late = opt.numbers("--window", window, 2).tolist()
     with working("trying contacts", searches=True) as progress:
@@ -129,8 +128,6 @@ def hold_target(
     fixed: bool = False,
     attitude: opt.Attitude = None,
     mode: opt.Mode = "free-floating",
-    first_order: bool = False,
-    no_limits: opt.NoLimits = False,
     more: With = None,
     save: opt.Written = None,
     deg: bool = False,
@@ -140,7 +137,8 @@ def hold_target(
     Joints and target move from a rough start until all grasps are closed. Then it is said whether
     the closed chain is singular, what is lost, and the way out.
 
-    --with gives more of what sa.hold takes: start, seed; and regrasp, a table of what Held.regrasp
+    --with gives more of what sa.hold takes: start, limits, seed; exact, false to estimate the
+    distance only and find no nearest singular posture; and regrasp, a table of what Held.regrasp
     takes: regrasp.tip=left regrasp.grasp=ring. Then it is planned how that hand regrasps, and the
     posture that is written is the one after that.
 
@@ -151,21 +149,19 @@ def hold_target(
             pose in its frame, of the fixed world in the inertial frame; once for each tip. Not
             needed of a robot whose file closes a chain, or --tip LINK=LINK.
         fixed: Keep the target where it is; of the fixed world, keep the spacecraft.
-        first_order: Estimate the distance only: do not find the nearest singular posture.
         save (TOML): Write the posture, which commands take in place of joint values.
     """
     given = {tip: frame for tip, _, frame in (text.partition("=") for text in grasp or [])}
     if given and set(arm.tips) != set(given):
         arm = arm.replace(tip=list(given))
-    asked = question(more, "start", "seed", "regrasp")
+    asked = question(more, "start", "limits", "seed", "exact", "regrasp")
     start = start_of(arm, asked, q, attitude, deg)
     held = sa.hold(
         start,
         None if target is None else target_of(target),
         {tip: _grasp(tip, frame, deg) for tip, frame in given.items()} or None,
         fixed=fixed,
-        limits=not no_limits,
-        **asked.some("seed"),
+        **asked.some("limits", "seed"),
     )
     if held.tries > 1:
         err.print("spacearm: note: the start leads to no closed posture; a random one did")
@@ -183,7 +179,7 @@ def hold_target(
     if way is not None:
         return Answer(way, written=written)
     with working("searching") as progress:
-        report = held.report(mode=mode, exact=not first_order, progress=progress)
+        report = held.report(mode=mode, progress=progress, **{"exact": True} | asked.some("exact"))
     return Answer(report, told={"grasps": held.to_dict()["grasps"]}, written=written)
 
 

@@ -150,7 +150,6 @@ def arm_from(
     check: str | None = None,
     bus: Annotated[str | None, typer.Option("--bus", "--bus-mass")] = None,
     arg: list[str] | None = None,
-    package: list[Path] | None = None,
     density: float | None = None,
     deg: bool = False,
 ) -> sa.SpaceArm:
@@ -174,7 +173,6 @@ def arm_from(
             this mass [kg] and these edges [m], or a robot file or catalogue name; after @ the place
             and the roll, pitch, yaw of the arm's base on it, the top of a box by default.
         arg (NAME:=VALUE): Argument of a xacro source; may be repeated.
-        package (FOLDER): Folder of ROS packages; may be repeated.
         density (RHO): Density [kg/m^3] of links without inertial data.
         deg: Angles are in degrees, given and printed (not --json).
     """
@@ -182,7 +180,6 @@ def arm_from(
     carrier, at = (None, None) if bus is None else _described_bus(bus, deg)
     options: dict[str, Any] = {
         "check": check,
-        "packages": package or (),
         "xacro_args": _arguments(arg),
         "density": density,
     }

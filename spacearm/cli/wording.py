@@ -13,7 +13,7 @@ OPTIONS: dict[str, str | Callable[[re.Match[str]], str]] = {
     r"xacro_args=\{(.*?)\}": lambda found: " ".join(
         f"--arg {name}:={value}" for name, value in re.findall(r'"([^"]*)": "([^"]*)"', found[1])
     ),
-    r"packages=\[FOLDER\]": "--package FOLDER",
+    r"packages=\[FOLDER\]": "the variable ROS_PACKAGE_PATH",
     r"\b(?:arm\.replace\()?tip='([^']+)'\)?": r"--tip \1",
     r"\btip=\('([^']+)', '([^']+)'\)": r"--tip \1,\2",
     r"\bdensity=(\d+) \[kg/m\^3\]": r"--density \1",

@@ -67,6 +67,7 @@ def check(run, theirs, accuracy):
     np.testing.assert_allclose(ours, theirs, atol=accuracy)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "size"), [("planar2", 1.0), ("chaser7", 4.0)])
 def test_ten_seconds_of_the_same_motion(name, size):
     arm = sa.load(name)
@@ -81,6 +82,7 @@ def test_ten_seconds_of_the_same_motion(name, size):
     check(run, *integrated(arm, q0, 10.0, size))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "link"), [("planar2", "link_1"), ("chaser7", "link_4")])
 def test_springs_dampers_and_a_wrench_on_a_link(name, link):
     """The wrench acts at the link's frame along inertial axes; MuJoCo has it at the link's CM."""

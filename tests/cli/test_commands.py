@@ -166,6 +166,12 @@ def test_short_help(name):
     assert run.stdout == spacearm(name, "--help").stdout
 
 
+def test_no_command_has_more_than_twenty_options():
+    for name in COMMANDS:
+        options = {tuple(p.opts) for p in command(name).params if p.param_type_name == "option"}
+        assert len(options) <= 20, name
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_summary_of_a_command_is_what_its_own_help_begins_with(name):
     _, summary = COMMANDS[name]

@@ -29,7 +29,7 @@ def folder(tmp_path):
 
 @pytest.mark.slow
 def test_two_arms_hold_a_target_and_others_read_the_posture(folder):
-    words = ("hold", "dual_ur5", "--target", "debris.toml", *GRASPS, "--first-order")
+    words = ("hold", "dual_ur5", "--target", "debris.toml", *GRASPS, "--with", "exact=false")
     degrees = np.degrees(START)
     run = spacearm(*words, *degrees, "--save", "held.toml", cwd=folder)
     assert run.returncode == 0, run.stderr
@@ -56,7 +56,7 @@ def test_two_arms_hold_a_target_and_others_read_the_posture(folder):
 
 @pytest.mark.slow
 def test_a_hand_regrasps_and_the_posture_after_it_is_saved(folder):
-    words = ("hold", "dual_ur5", "--target", "debris.toml", *GRASPS, "--no-limits")
+    words = ("hold", "dual_ur5", "--target", "debris.toml", *GRASPS, "--with", "limits=false")
     more = ("tip=right", "grasp=[0, 0.05, 0.2, 3.14159265358979, 0, 0]", "approach=0.02",
             "constraints.collisions=false", "constraints.limits=false")  # fmt: skip
     asked = [word for one in more for word in ("--with", f"regrasp.{one}")]
@@ -73,6 +73,7 @@ def test_a_hand_regrasps_and_the_posture_after_it_is_saved(folder):
     np.testing.assert_allclose(there.homogeneous, np.eye(4), atol=1e-8)
 
 
+@pytest.mark.slow
 def test_an_arm_holds_a_handrail(folder):
     arm = sa.load("chaser7")
     start = arm.at([0.2, 0.6, 0, 1.2, 0, 0.8, 0])
@@ -107,7 +108,19 @@ def test_wrong_grasps_are_named(words, why):
 
 def test_links_that_hold_each_other_need_no_grasps(folder):
     arm = planar_pair().to_urdf(folder / "pair.urdf")
-    words = ("hold", arm, 2.0, -1.2, 1.1, 1.2, "--tip", "left=right", "--no-limits", "--json")
+    words = (
+        "hold",
+        arm,
+        2.0,
+        -1.2,
+        1.1,
+        1.2,
+        "--tip",
+        "left=right",
+        "--with",
+        "limits=false",
+        "--json",
+    )
     run = spacearm(*words, "--save", "closed.toml", cwd=folder)
     assert run.returncode == 0, run.stderr
     assert "a chain is closed by left = right: spacearm hold keeps it" in run.stderr

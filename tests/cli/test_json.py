@@ -44,7 +44,7 @@ COMMANDS = {
     "plan": ("planar2", *CM, "--goal", 0.9, 1.4, *OBSTACLES),
     "follow": ("planar2", *CM, "--path", "corners.csv"),
     "catch": ("chaser7", *CAUGHT, "--window", "20,20", "--with", "wanted=1"),
-    "hold": ("chaser7", *CAUGHT, "--grasp", "tip=side", "--first-order"),
+    "hold": ("chaser7", *CAUGHT, "--grasp", "tip=side", "--with", "exact=false"),
     "detumble": (
         "wheels.urdf",
         *CM,

@@ -45,6 +45,7 @@ def test_reaction_and_wheels(tmp_path):
     assert spacearm("wheels", "planar2").returncode == 2
 
 
+@pytest.mark.slow
 def test_a_motion_is_shown_beside_another(tmp_path):
     arm = sa.load("planar2")
     for name, end in (("one", (1.5, 1.2)), ("two", (1.6, 1.0))):

@@ -148,7 +148,6 @@ def test_mount_writes_one_urdf(arm_alone, tmp_path):
         (("--bus-mass", "-3"), "mass is -3 kg"),
         (("--bus-mass", "90"), "planar2 has a spacecraft; leave it out"),
         (("--arg", "mass=3"), "--arg 'mass=3': give NAME:=VALUE"),
-        (("--package", "nowhere"), "packages: nowhere is no folder"),
         (("--density", "0"), "density is 0.0; give a positive density"),
     ],
 )
@@ -172,7 +171,7 @@ def test_remedies_for_arms_alone_are_options(tmp_path):
         assert "=" not in told.replace("--lock slide=0.0", "")
 
 
-def test_xacro_arguments_and_packages(tmp_path):
+def test_xacro_arguments_and_packages(tmp_path, monkeypatch):
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "parts.xacro").write_text(PARTS)
     path = tmp_path / "robot" / "arm.xacro"
@@ -180,11 +179,11 @@ def test_xacro_arguments_and_packages(tmp_path):
     path.write_text(XACRO)
     bus = ("--bus-mass", "90:1,1,1")
     lacking = spacearm("info", path, *bus, "--arg", "mass:=7")
-    assert "name the folder that holds 'parts': --package FOLDER" in lacking.stderr
-    package = ("--package", tmp_path)
-    lacking = spacearm("info", path, *bus, *package)
+    assert "name the folder that holds 'parts': the variable ROS_PACKAGE_PATH" in lacking.stderr
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
+    lacking = spacearm("info", path, *bus)
     assert "give --arg mass:=..." in lacking.stderr
-    assert answer("info", path, *bus, *package, "--arg", "mass:=7")["mass"] == 97.0
+    assert answer("info", path, *bus, "--arg", "mass:=7")["mass"] == 97.0
 
 
 def test_density_and_notes(tmp_path):

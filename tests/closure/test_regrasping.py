@@ -32,6 +32,7 @@ def is_near(pose, other, atol):
     np.testing.assert_allclose(pose.actInv(other).homogeneous, np.eye(4), rtol=0, atol=atol)
 
 
+@pytest.mark.slow
 def test_a_hand_regrasps_and_the_other_holds_on():
     """Hands by the kinematics of the arms alone, the CM of arms and target by their masses."""
     held, _ = roomy(1, tries=2)

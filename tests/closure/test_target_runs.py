@@ -217,6 +217,7 @@ def test_drake_moves_the_loop_alike(tmp_path):
     assert run.gap.max() < 1e-3 * ends[1][-1]
 
 
+@pytest.mark.slow
 def test_motors_give_no_more_than_they_can_and_joints_are_damped():
     """As by a law that gives the same torques by itself; what is reached is said."""
     held, _ = roomy(1, tries=1)

@@ -75,6 +75,7 @@ def test_several_limbs_are_a_question(robot):
     assert arm.n == len(arm.joint_names)
 
 
+@pytest.mark.slow
 def test_arms_of_the_catalogue_have_the_tips_that_are_found():
     for info in sa.arms():
         with warnings.catch_warnings():

@@ -350,6 +350,7 @@ BOMBS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", BOMBS)
 def test_yaml_is_bounded_before_it_is_built(case, tmp_path):
     write(tmp_path / "bomb.yaml", "a0: &a0 {x: 1}\n" + BOMBS[case])

@@ -67,6 +67,7 @@ def test_the_way_out_is_the_gradient_of_sigma_min(name):
         assert far == pytest.approx(sigma / np.linalg.norm(g), rel=1e-7)
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(2, 6), st.integers(1, 2), st.sampled_from(MODES))
 def test_slopes_are_the_gradients_that_both_libraries_take(seed, n, tips, mode):
     links = [f"link_{n - i}" for i in range(tips)]

@@ -25,6 +25,7 @@ def tree(seed, n=5):
     return load_text(random_tree(seed, n), tip="link_1", task="x", joints="all")
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(seeds, st.integers(1, 8))
 def test_those_of_the_full_system_by_aba(seed, n):

@@ -20,6 +20,7 @@ def whole_tree(seed, n):
     return load_text(random_tree(seed, n), tip=f"link_{n}", task=task, joints="all")
 
 
+@pytest.mark.slow
 @given(seeds, one_to_eight)
 def test_reactions_on_random_trees(seed, n):
     arm = whole_tree(seed, n)
@@ -35,6 +36,7 @@ def test_reactions_on_random_trees(seed, n):
         np.testing.assert_allclose(at.R[i], cfg.tip.rotation, atol=1e-12)
 
 
+@pytest.mark.slow
 @given(seeds, one_to_eight)
 @settings(max_examples=6)
 def test_what_a_curve_does_to_a_turn_agrees_with_differences(seed, n):

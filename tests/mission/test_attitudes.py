@@ -156,6 +156,7 @@ def test_an_arm_at_the_cm_turns_nothing_that_matters():
 # --- the compiled following -----------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_random_arms_are_led_as_follow_leads_them(seed):
     arm = load_text(random_chain(seed, 6), tip="tip")

@@ -367,6 +367,7 @@ def test_an_arm_stands_on_the_top_face_of_a_bus_with_a_size():
     assert inside.mount.isApprox(sa.mount("vispa", inertia_only, pin.SE3.Identity()).mount)
 
 
+@pytest.mark.slow
 def test_poses_are_matrices_too():
     arm, q = sa.load("mda6"), np.full(6, 0.3)
     base = pin.SE3(pin.utils.rotate("x", 0.4), np.array([1.0, 2.0, 3.0]))

@@ -54,6 +54,7 @@ def test_a_task_is_impossible_where_the_jacobian_never_has_full_rank(seed, n, ki
         assert bool(impossible(arm, mode)) == (ranks(arm, mode) < arm.task.k)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [

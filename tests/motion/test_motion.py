@@ -302,6 +302,7 @@ def test_a_file_with_a_member_that_is_no_array(tmp_path, name):
         sa.Motion.load(tmp_path / "m.npz", sa.load("planar2"))
 
 
+@pytest.mark.slow
 def test_a_motion_is_read_where_its_kind_has_not_been_used(tmp_path):
     arm = sa.load("planar2")
     sa.follow(arm.at([0.3, 1.2]), [(1.5, 1.2)]).save(tmp_path / "way.npz")

@@ -42,6 +42,7 @@ LAW = sa.JointPD(target=[0.8, -0.6], kp=4.0, kd=6.0)
 # --- wheels ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_wheels_hold_the_attitude_and_take_the_momentum():
     arm = with_wheels()
     hold = sa.WheelHold(stiffness=400.0, damping=600.0)

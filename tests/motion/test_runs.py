@@ -85,6 +85,7 @@ def test_a_loose_stiff_run_is_no_worse_than_its_tolerance(kd):
     np.testing.assert_allclose(loose.momentum, 0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["joints", "moving", "pose", "wrench"])
 def test_the_implicit_steps_leave_out_only_columns_that_do_not_count(case):
     """The same end, whether all columns of the Jacobian are computed or those that count."""

@@ -34,6 +34,7 @@ def test_boxes_lead_to_joint_positions_that_a_straight_motion_does_not(boxes):
         done += 1
 
 
+@pytest.mark.slow
 def test_boxes_lead_to_points_from_starts_beside_them():
     """A goal is where the tip comes by a random way on one side, so that there is a plan."""
     arm, rng = sa.load("planar2"), chosen(3)

@@ -110,6 +110,7 @@ def test_the_relaxation_of_an_impossible_plan_that_is_said_to_work_does(arm):
         sa.plan(arm.at([0.3, 1.2]), (0.9, 1.4), final_attitude=sa.pose(rpy=(0.3, 0.0, 0.0)))
 
 
+@pytest.mark.slow
 def test_another_tip_that_is_said_to_work_does(monkeypatch):
     monkeypatch.setattr(relaxations, "TIME", 60.0)  # of a busy machine
     arm = planar_pair(tip="left").replace(link_length={"left_1": 0.3})

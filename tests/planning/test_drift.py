@@ -23,6 +23,7 @@ def found(arm):
     return sa.plan(arm.at([0.3, 1.2], momentum=H), (0.9, 1.4), duration=8.0)
 
 
+@pytest.mark.slow
 def test_the_tip_arrives_at_the_stated_time(arm, found):
     end = replay(found)[0]
     assert found.t[-1] == 8.0

@@ -73,6 +73,7 @@ def test_no_plan_has_more_clearance_than_its_start():
         sa.plan(start, (0.9, 1.4), constraints=kept)
 
 
+@pytest.mark.slow
 def test_a_path_has_a_nearest_singular_posture():
     """Of planar2 in closed form: the set is known along each line."""
     arm = sa.load("planar2")

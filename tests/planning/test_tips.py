@@ -32,6 +32,7 @@ def dual():
     return sa.load("dual_ur5", tip=TIPS)
 
 
+@pytest.mark.slow
 def test_both_tips_arrive_at_once(arm):
     goal = sa.move(arm.at(Q0), Q0 + np.array([0.5, -0.4, -0.6, 0.5]))
     goals = {name: tip.translation[:2] for name, tip in zip(TIPS, goal.tips, strict=True)}

@@ -113,6 +113,7 @@ def test_a_few_postures_are_drawn_where_the_arm_was():
         np.testing.assert_allclose(stick.get_xydata()[-1], followed.tip[at, :2], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_wheels_are_drawn_with_what_they_hold():
     arm = sa.load("chaser7", wheels=["joint_7"])
     hold = sa.WheelHold(stiffness=40.0, damping=60.0)

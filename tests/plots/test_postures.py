@@ -86,6 +86,7 @@ BOX = '<visual><origin xyz="0.3 0 0"/><geometry><box size="0.6 0.2 0.1"/></geome
 ROUND = '<visual><geometry><cylinder radius="0.1" length="0.9"/></geometry></visual>'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["servicer_ur5", "ssrms", "ets7", BOX, ROUND])
 def test_all_bodies_of_a_spatial_arm_are_drawn_as_their_visuals_at_their_size(source, tmp_path):
     arm = described(tmp_path, source) if source.startswith("<") else sa.load(source)

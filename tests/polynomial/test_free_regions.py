@@ -34,6 +34,7 @@ def about(polynomials, n, low=-2.0, high=2.0, unit=1.0):
 places = st.lists(st.floats(0.05, 1.0), min_size=1, max_size=3).map(np.array)
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(places, st.floats(0.9, 0.9999), st.sampled_from([0.5, 1.0, 3.0]))
 def test_a_ball_is_free_up_to_the_root_and_never_beyond(at, share, unit):

@@ -136,6 +136,7 @@ def test_a_straight_elbow_is_singular_although_the_arm_is_redundant(mode, elbow)
     np.testing.assert_allclose(np.abs(many.rows[:, 0, 3]), 1.0, atol=0.02 + 5 * elbow)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::spacearm.errors.ModelWarning")  # links of hundreds of metres
 @pytest.mark.parametrize("name", ["mda6", "chaser7"])
 @pytest.mark.parametrize("length", [0.01, 100.0])

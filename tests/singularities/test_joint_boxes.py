@@ -30,6 +30,7 @@ def check_stops(box):
             assert (stop.at <= box.upper + 1e-9)[others].all()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
 @pytest.mark.parametrize("seed", range(4))
 def test_nothing_in_a_box_of_a_planar_arm_is_singular_and_its_stops_are(seed):

@@ -48,6 +48,7 @@ def test_nothing_singular_is_found_within_a_proven_distance(n, seed, mode, slidi
     assert not contradictions(arm, q, near, mode, rng)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mda6", "ets7", "servicer_ur5"])
 def test_of_square_arms_99_percent_are_proven(name):
     arm, rng = sa.load(name), np.random.default_rng(0)

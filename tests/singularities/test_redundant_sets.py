@@ -138,6 +138,7 @@ def test_chaser7_has_an_exact_set():
         found.curves()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", MODES)
 def test_planar_arms_with_a_redundant_joint(mode):
     """ "x y" with three joints: two linear equations in (cos q3, sin q3) if the arm floats."""
@@ -223,6 +224,7 @@ def test_roots_of_the_minors_that_are_not_singular_are_left_out(seed, kinds):
         assert sigma_ratio(found.arm, q, "attitude-controlled") < 1e-8
 
 
+@pytest.mark.slow
 def test_a_set_beyond_the_sliding_joints_ranges_is_empty():
     found = sliding(33, "RPPRP")
     assert found.complete
@@ -230,6 +232,7 @@ def test_a_set_beyond_the_sliding_joints_ranges_is_empty():
         found.sample(1)
 
 
+@pytest.mark.slow
 def test_a_square_arm_with_a_sliding_joint():
     arm = chain(4, 3, "position", ["revolute", "prismatic", "revolute"])
     found = sa.singular_set(arm)
@@ -578,6 +581,7 @@ def test_a_few_minors_prove_what_all_of_them_do(seed, task):
             assert sigma_ratio(arm, q) > 0.0
 
 
+@pytest.mark.slow
 def test_where_few_minors_vanish_the_others_decide():
     """Few of them vanish where the columns that they have in common are dependent."""
     arm = chain(0, 7)
@@ -605,6 +609,7 @@ def test_paths_of_arms_with_millions_of_coefficients_are_proven_free(n, task):
     np.testing.assert_allclose(proof.at, singular, atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "n"), [(6, 8), (1, 9)])
 def test_paths_of_arms_with_larger_minors_are_proven_free_by_momenta(seed, n):
     arm, rng = chain(seed, n, "position"), np.random.default_rng(seed)

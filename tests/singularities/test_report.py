@@ -85,6 +85,7 @@ def test_attitude_does_not_matter(cfg):
         assert np.allclose(here, there, atol=1e-12 * (1 + there[0]))
 
 
+@pytest.mark.slow
 @given(chains())
 def test_gradient_agrees_with_central_differences(cfg):
     report = sa.singularity(cfg)

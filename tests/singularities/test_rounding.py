@@ -24,6 +24,7 @@ def test_the_error_is_within_the_bar(family):
     assert max(result.share for result in results) > 1e-3  # bars a thousand times shorter fail
 
 
+@pytest.mark.slow
 def test_bars_count_from_the_numbers_of_the_urdf():
     """Its roll, pitch and yaw are rounded too where they become rotation matrices."""
     for seed in range(12):
@@ -92,6 +93,7 @@ LOADS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("needed", LOADS)
 def test_a_load_with_a_long_way_to_it_is_in_the_bars(needed):
     for seed in range(10):

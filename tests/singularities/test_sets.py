@@ -139,6 +139,7 @@ def test_locked_joints_reduce_n():
     assert max(sigma_ratio(arm, q) for q in Q) < 1e-10
 
 
+@pytest.mark.slow
 def test_parallel_and_intersecting_axes_and_light_links():
     """mda6 has parallel axes; links of a millionth of the spacecraft's mass are no obstacle."""
     text = random_chain(5, 6, ("revolute",))

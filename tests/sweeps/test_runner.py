@@ -113,6 +113,7 @@ def test_any_number_of_workers_gives_the_same_bits(study, whole, tmp_path):
     assert files(tmp_path / "one.zarr") == files(whole)
 
 
+@pytest.mark.slow
 def test_what_is_done_is_not_done_again(study, whole, tmp_path):
     store = tmp_path / "s.zarr"
     shutil.copytree(whole, store)
@@ -307,6 +308,7 @@ def test_a_chunk_that_fails_once_is_tried_again(study, tmp_path, monkeypatch):
     assert tried.count(Chunk("risk", 6)) == 1
 
 
+@pytest.mark.slow
 def test_other_studies_and_models_are_refused(tmp_path, whole):
     other = sa.Study.parse(STUDY.replace("seed = 3", "seed = 4"))
     with pytest.raises(sa.StoreError, match=r"study has 'seed = 3' where this one has 'seed = 4'"):

@@ -74,6 +74,7 @@ def test_a_pipe_in_a_store_is_refused(small, store, file):
     assert isinstance(error, sa.StoreError)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["sigma_min/c", "sigma_min", "chunks", "base_inertia"])
 def test_nothing_is_written_through_a_link(small, store, tmp_path, part):
     aside = tmp_path / "aside"
@@ -145,6 +146,7 @@ def test_descriptions_that_were_tampered_with(small, store, where, change):
     assert again.identical(sound)
 
 
+@pytest.mark.slow
 def test_arrays_of_strangers_are_refused(small, store):
     shutil.copytree(store / "sigma_min", store / "foreign")
     with pytest.raises(sa.StoreError, match=r"foreign is none of this study's arrays"):
@@ -155,6 +157,7 @@ def test_arrays_of_strangers_are_refused(small, store):
     assert (store / "notes.txt").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_leftovers_go_and_what_is_the_user_s_own_stays(small, store):
     leftover = store / "sigma_min" / f"0.{'0123abcd' * 4}.partial"
     own = store / "notes.partial"

@@ -260,6 +260,7 @@ def test_certainty_is_a_narrow_interval(arm):
 # --- distances, shells, plans ---------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_range_of_the_distance_holds_that_of_the_arm(arm, about):
     q = np.radians([-65.0, 30.0])
     found = sa.distance_range(about, q, samples=30)

@@ -36,6 +36,7 @@ def check(about, box, rng, arms=20, m=500):
             assert not box.contains(stop.at)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
 def test_no_member_is_singular_in_the_box_and_each_stop_is_of_a_member():
     arm, rng = sa.load("planar2"), np.random.default_rng(0)

@@ -61,6 +61,7 @@ def test_sectors_and_patches_have_their_areas():
     np.testing.assert_allclose(vertices[faces[-1]] @ directions[1], 1.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_ring_shows_the_intervals_and_the_attitude_now():
     arm = sa.load("planar2")
     q0 = np.radians([-57.936, 60.337])

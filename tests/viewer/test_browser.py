@@ -34,6 +34,7 @@ def page(browser, viewer):
     page.close()
 
 
+@pytest.mark.slow
 def test_the_page_needs_nothing_from_elsewhere_and_logs_no_error(page, viewer):
     page.until(lambda: page.colours() > 12)
     assert page.errors == []

@@ -109,6 +109,7 @@ def panel_in_two_hands(target=True):
     return sa.hold(held.configuration, None, rails)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["posture", "free-floating"])
 def test_what_two_hands_hold_is_dragged_and_its_grasps_stay_closed(mode):
     held = panel_in_two_hands()

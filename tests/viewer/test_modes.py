@@ -43,6 +43,7 @@ def test_readouts_motions_and_pulls_are_those_of_the_mode(mode):
     assert shown.report.sigma_min < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", HELD)
 def test_the_map_has_distances_and_singular_curves_of_the_mode(mode):
     cfg = session(mode).cfg

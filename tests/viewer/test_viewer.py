@@ -141,6 +141,7 @@ def test_malformed_messages_are_refused_and_change_nothing(session, message, err
     assert session.readout() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lower", "upper", "ends"),
     [(-1e12, 1e12, (-25, 25)), (-1, 1e12, (-1, 25)), (1e3, 1e6, (1000, 1025)), (-2, 1, (-2, 1))],

@@ -61,6 +61,7 @@ def gone(pid):
     return False
 
 
+@pytest.mark.slow
 def test_a_worker_answers_with_a_plan_or_the_reason_why_there_is_none():
     arm = sa.load("planar2")
     cfg = arm.at([0.3, 1.2])

@@ -108,6 +108,7 @@ def test_mounted_at_the_spacecraft_s_cm_all_is_path_independent():
         assert high - low < 1e-9  # q2 = k pi: circles
 
 
+@pytest.mark.slow
 def test_a_larger_inertia_shrinks_the_path_dependent_workspace(planar2):
     """Section VI: monotonically toward the kinematic boundary."""
     kinematic = sa.workspace(planar2.arm, mode="attitude-controlled").volumes["pdw"]
@@ -246,6 +247,7 @@ def limited(lower, upper):
 DOUBLE = r'^(lower="[^"]*" upper="[^"]*") lower="[^"]*" upper="[^"]*"'
 
 
+@pytest.mark.slow
 def test_joint_limits_leave_fewer_singular_configurations(planar2):
     arm = limited((-1.0, -0.5), (0.8, 1.0))
     np.testing.assert_allclose(arm.lower, (-1.0, -0.5), atol=1e-12)
