@@ -357,6 +357,23 @@ def test_an_included_urdf_is_a_nested_model(tmp_path):
     np.testing.assert_allclose(tip_at(arm, [0, 0]), [0, 0, 3], atol=1e-14)
 
 
+def test_what_is_wrong_in_an_included_file_is_said_of_it(tmp_path):
+    (folder := tmp_path / "tool").mkdir()
+    (folder / "tool.stl").write_bytes(b"solid a\nendsolid a\n")
+    mesh = "<mesh><uri>tool.stl</uri></mesh>"
+    hand = link("hand", inside=f"<visual name='v'><geometry>{mesh}</geometry></visual>")
+    (folder / "tool.sdf").write_text(sdf(f"\n\n{model(hand, name='t')}"))
+    include = "<include><uri>tool/tool.sdf</uri></include>"
+    text = sdf(model(BUS, ARM, ELBOW, include, joint("bolt", "arm", "t::hand", "fixed")))
+    shape = load(text, tmp_path).tree.visuals["t::hand"].visual[0].geometry
+    assert shape.file == folder / "tool.stl"
+    (folder / "tool.sdf").write_text(sdf(f"\n\n{model(hand, hand, name='t')}"))
+    with pytest.raises(
+        sa.ModelError, match=r"robot.sdf: two links are named 'hand' .line 5 of tool/tool.sdf"
+    ):
+        load(text, tmp_path)
+
+
 def drake(kind, parent="bus", child="arm"):
     return (
         f"<drake:joint name='free' type='{kind}'><drake:parent>{parent}</drake:parent>"

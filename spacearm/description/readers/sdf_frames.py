@@ -21,7 +21,7 @@ from lxml import etree
 
 from spacearm.description.readers import urdf
 from spacearm.description.readers.forest import warn_of_balls
-from spacearm.description.readers.source import Source, describe, in_xacro
+from spacearm.description.readers.source import WRITTEN, Source, describe, in_xacro, line_of
 from spacearm.description.tree import Tree, free_name
 from spacearm.errors import listed, unknown
 
@@ -330,11 +330,16 @@ def included(
     models = root.findall("model")
     if root.tag != "sdf" or len(models) != 1:
         source.fail(f"{said} means {path}, which has no one <model>", "name another")
+    for element in models[0].iter(etree.Element):
+        element.set(WRITTEN, f"line {element.sourceline} of {uri}")
+        named = (element.text or "").strip() if element.tag == "uri" else ""
+        if named and (path.parent / named).exists():
+            element.text = str(path.parent / named)
     return _placed(models[0], include), None
 
 
 def _said(include: etree._Element) -> str:
-    return f"<include> of {words(include, 'uri')!r} (line {include.sourceline})"
+    return f"<include> of {words(include, 'uri')!r} ({line_of(include)})"
 
 
 def _placed(model: etree._Element, include: etree._Element) -> etree._Element:
