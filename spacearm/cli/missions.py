@@ -77,7 +77,7 @@ def find_catch(
     target: Path,
     q: opt.JointValues = None,
     window: str = "0,60",
-    grapple: str | None = None,
+    grapple: list[str] | None = None,
     fly: bool = False,
     attitude: opt.Attitude = None,
     save: opt.Save = None,
@@ -95,9 +95,13 @@ def find_catch(
         target (TOML): The target, by the names of sa.Target: body (a robot file, or mass, size,
             inertia, com), pose, twist, grapples, orbit.
         window (FROM,TO): Earliest and latest contact [s].
-        grapple: Grapple frame to grasp; any of them by default.
+        grapple (FRAME|TIP=FRAME): Grapple frame to grasp; any of them by default. Of several tips
+            that grasp at the same time the frame of each, once for each tip.
         fly: Simulate the catch, from the approach to rest; --save gives each phase a file.
     """
+    by_tip = _by_tip("--grapple", grapple or [])
+    if by_tip and set(arm.tips) != set(by_tip):
+        arm = arm.replace(tip=list(by_tip))
     told = ("approach", "closing", "touching", "bears", "wanted", "mode")
     asked = question(more, "start", "constraints", "search", *told)
     start = start_of(arm, asked, q, attitude, deg)
@@ -106,7 +110,7 @@ def find_catch(
         found = sa.catch(
             start,
             target_of(target),
-            grapple,
+            by_tip or (grapple[0] if grapple else None),
             window=(early, late),
             constraints=constraints_of(asked.inner("constraints")),
             search=search_of(arm, asked.inner("search"), progress),
@@ -117,6 +121,23 @@ def find_catch(
     with working("simulating") as progress:
         flight = found.fly(progress=progress)
     return Answer(flight, written=save_phases(flight, save))
+
+
+def _by_tip(option: str, given: list[str]) -> dict[str, str]:
+    """Return the frames of several tips; none where one frame is given without a tip.
+
+    Raises:
+        ConfigurationError: Several are given, and not each for a tip of its own.
+    """
+    parts = [text.partition("=") for text in given]
+    if len(parts) == 1 and not parts[0][1]:
+        return {}
+    frames = {tip: frame for tip, _, frame in parts}
+    if len(frames) < len(parts) or not all(frames.values()):
+        raise sa.ConfigurationError(
+            f"{option} is {', '.join(given)}; give one frame, or TIP=FRAME once for each tip"
+        )
+    return frames
 
 
 @opt.answering("held", "view")

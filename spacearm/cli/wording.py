@@ -30,6 +30,7 @@ OPTIONS: dict[str, str | Callable[[re.Match[str]], str]] = {
     r"\bsa\.hold\(arm\.at\(q\)\)": "spacearm hold",
     r"\bfixed=False": "no --fixed",
     r"grasps=\{tip: frame\}": "--grasp TIP=FRAME for each tip",
+    r"grapple=\{tip: frame\}": "--grapple TIP=FRAME for each tip",
     r"\bdensity=(?!\w)": "--density RHO",
     r"boxes=sa\.free_boxes\(arm\)(, or those of a file)?": "--with search.boxes=FILE, as spacearm "
     "boxes --keep FILE has written it",

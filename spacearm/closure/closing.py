@@ -203,7 +203,7 @@ def closed_motions(cfg: Configuration, target: Target | None, mode: BaseMode) ->
     if target is None:
         G, B = -G, A[:0, 6:]
     else:
-        M = (_momentum(target, cfg.com) @ back @ np.linalg.pinv(G))[:f]
+        M = (target_momentum(target, cfg.com) @ back @ np.linalg.pinv(G))[:f]
         B = -np.linalg.solve(A[:f, :f] + M @ J[:, :f], A[:f, 6:] + M @ J[:, 6:])
     H = (J[:, : len(B)] @ B + J[:, 6:]) * unit
     N = np.linalg.svd(G)[0][:, G.shape[1] :]
@@ -224,7 +224,7 @@ def carried(lever: Array) -> Array:
     return np.block([[np.eye(3), -pin.skew(lever)], [np.zeros((3, 3)), np.eye(3)]])
 
 
-def _momentum(target: Target, about: Array) -> Array:
+def target_momentum(target: Target, about: Array) -> Array:
     """Return the momentum (6, 6) of a target about a point, by the twist of its frame."""
     R = target.pose.rotation
     lever = R @ target.com

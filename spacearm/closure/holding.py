@@ -80,7 +80,8 @@ class Held(Result):
         return max(self.gap, self.turn) <= CLOSED
 
     @cached_property
-    def _carrying(self) -> Carrying:
+    def carrying(self) -> Carrying:
+        """The arms with the target, which is fixed to the first tip."""
         return Carrying(self.configuration, self.target, self.grasps)
 
     def report(
@@ -194,7 +195,7 @@ class Held(Result):
                 or there are fewer joints than rows of all tips.
         """
         return follow_target(
-            self._carrying, path, frame=frame, mode=mode, length=length, speed=speed, times=times,
+            self.carrying, path, frame=frame, mode=mode, length=length, speed=speed, times=times,
             at_rest=at_rest, rest=rest, limits=limits, progress=progress,
         )  # fmt: skip
 
@@ -234,7 +235,7 @@ class Held(Result):
                 says what stopped most branches. `best` is the way that came nearest, if any did.
         """
         return plan_target(
-            self._carrying, sound_pose(goal, "goal"), frame=frame, mode=mode,
+            self.carrying, sound_pose(goal, "goal"), frame=frame, mode=mode,
             constraints=constraints, search=search,
         )  # fmt: skip
 
@@ -286,7 +287,7 @@ class Held(Result):
             NoSolutionError: The step collapsed, or the balance of energy or momentum is off.
         """
         return simulate_target(
-            self._carrying, controller, duration, dq=dq, squeeze=squeeze, bears=bears, plant=plant,
+            self.carrying, controller, duration, dq=dq, squeeze=squeeze, bears=bears, plant=plant,
             integration=integration, progress=progress,
         )  # fmt: skip
 
@@ -356,7 +357,7 @@ class Held(Result):
             ConfigurationError: It is the motion of another arm.
             UnsupportedError: The fixed world is held, or no two bodies have shapes that could meet.
         """
-        carrying = self._carrying
+        carrying = self.carrying
         if motion is not None and set(motion.arm.tree.links) != set(carrying.arm.tree.links):
             raise ConfigurationError(
                 f"motion is one of {motion.arm.name}, not of it with this target; give one as "

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -34,7 +34,7 @@ from spacearm.mechanics.target import Target
 from spacearm.mission.braking import braked, largest_torques
 from spacearm.mission.catch_report import Catch, grasp_of, in_hand
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
-from spacearm.model.arm import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import out_of_reach
 from spacearm.motion.motion import Motion, samples
@@ -87,7 +87,7 @@ class Approach:
         cls,
         start: Configuration,
         target: Target,
-        grapple: str | None,
+        grapple: str | Mapping[str, str] | None,
         window: Sequence[float],
         approach: float,
         closing: float,
@@ -105,17 +105,11 @@ class Approach:
                 f"constraints have wheels, and {arm.name} has none while it floats; give "
                 f"mode={HELD!r}, or name their joints by wheels=[...]"
             )
-        if len(arm.tips) > 1 or arm.task.k < 6:
-            raise UnsupportedError(
-                f"{arm.name} has the task {arm.task.names!r} of {len(arm.tips)} tip(s); a target "
-                "is caught by the pose of one: sa.load(..., task='pose')"
-            )
         if not target.grapples:
             raise ConfigurationError(
                 f"{target.name} has no grapple frame; give sa.Target(..., grapples={{name: pose}})"
             )
-        if grapple is not None and grapple not in target.grapples:
-            raise ConfigurationError(unknown(f"grapple of {target.name}", grapple, target.grapples))
+        grapples = cls.named(arm, target, grapple)
         early, late = finite(window, (2,), "window", "[s], the earliest and the latest contact")
         if not 0.0 <= early <= late:
             raise ConfigurationError(f"window is {window!r}; give two growing times from 0 s on")
@@ -123,14 +117,44 @@ class Approach:
         if most is False or not (most > 0.0).all():
             raise ConfigurationError(f"bears is {bears!r}; give a force [N] and a moment [N m] > 0")
         if touching is None:
-            touching = arm.tree.lumps[arm.tree.body_of[arm.tip]]
+            lumps = [arm.tree.lumps[arm.tree.body_of[tip]] for tip in arm.tips]
+            touching = [link for lump in lumps for link in lump]
         require_known(f"link of {arm.name}", touching, arm.tree.links)
         return cls(
-            start, target, tuple(target.grapples) if grapple is None else (grapple,),
-            (float(early), float(late)), positive(approach, "approach", "distance [m]"),
+            start, target, grapples, (float(early), float(late)),
+            positive(approach, "approach", "distance [m]"),
             positive(closing, "closing", "speed [m/s]"), tuple(touching),
             np.array(most), constraints, mode,
         )  # fmt: skip
+
+    @classmethod
+    def named(
+        cls, arm: SpaceArm, target: Target, grapple: str | Mapping[str, str] | None
+    ) -> tuple[str, ...]:
+        """Return the grapple frames by which the arm may catch.
+
+        Raises:
+            ConfigurationError: There is no such frame.
+            UnsupportedError: The arm has several tips, or its task is no pose.
+        """
+        if len(arm.tips) > 1 or arm.task.k < 6:
+            raise UnsupportedError(
+                f"{arm.name} has the task {arm.task.names!r} of {len(arm.tips)} tip(s); a target "
+                "is caught by the pose of one, sa.load(..., task='pose'), or by several at once, "
+                "grapple={tip: frame}"
+            )
+        if isinstance(grapple, Mapping):
+            require_known(f"tip of {arm.name}", grapple, arm.tips)
+            grapple = grapple.get(arm.tip)
+        if grapple is None:
+            return tuple(target.grapples)
+        require_known(f"grapple of {target.name}", grapple, target.grapples)
+        return (grapple,)
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """The frames of which one is grasped."""
+        return self.grapples
 
     @cached_property
     def wheels(self) -> Wheels | None:
@@ -184,18 +208,19 @@ class Approach:
         number = TIMES if late > early else 0
         times = np.linspace(early, late, number + 1)[: number + 1 if late >= early else 0]
         while True:
-            near = []
+            near = list[tuple[bool, float, float, str]]()
             for t in times.tolist():
-                there = self.drifted(t)
-                for name in self.grapples:
-                    pose = self.target.at(t, name).pose
-                    off = float(np.linalg.norm(pose.translation - there.com))
-                    blocked = pose.act(np.array([0.0, 0.0, -1.0])) - pose.translation
-                    facing = blocked @ (there.com - pose.translation) / max(off, 1e-9)
-                    near.append((bool(out_of_reach(there, pose)), -facing, t, name))
+                near += [(*self.rank(t, name), t, name) for name in self.choices]
             yield [(t, name) for _, _, t, name in sorted(near)]
             number *= 2
             times = np.linspace(early, late, number + 1)[1::2]
+
+    def rank(self, t: float, grapple: str) -> tuple[bool, float]:
+        """Return whether a frame is out of reach at a time, and how much its open side looks away.
+
+        A cosine.
+        """
+        return away(self.drifted(t), self.target.at(t, grapple).pose)
 
     def path(
         self, t: float, grapple: str, first: Configuration | None = None, nodes: int = NODES
@@ -505,6 +530,15 @@ class Approach:
         held = wheels.momenta(moving)[:, : len(chase.arm.wheels)]
         return replace(chase, wheels=held), wheels.story(load)
 
+    def settled(self, found: Catch) -> Catch:
+        """Return a catch with all that can be proven of how far singular postures are."""
+        if found.distance_proven >= PROVEN:
+            return found
+        known = singular_set(found.arm, mode=self.mode)
+        ways = (found.plan, found.chase)
+        clear = [known.clearance(way, at_least=PROVEN).clearance for way in ways]
+        return replace(found, distance_proven=max(found.distance_proven, min(clear)))
+
     def _proven(self, *motions: Motion) -> float:
         """Return the distance [rad] of motions within which no posture is singular, proven.
 
@@ -543,6 +577,14 @@ class Approach:
         if contact is not None:
             meet = f"{' and '.join(contact.links)} meet after {begin + contact.t:.4g} s"
             raise NoSolutionError(meet)
+
+
+def away(cfg: Configuration, pose: pin.SE3) -> tuple[bool, float]:
+    """Return whether a frame is out of reach, and the cosine by which its open side looks away."""
+    off = float(np.linalg.norm(pose.translation - cfg.com))
+    blocked = pose.act(np.array([0.0, 0.0, -1.0])) - pose.translation
+    facing = blocked @ (cfg.com - pose.translation) / max(off, 1e-9)
+    return bool(out_of_reach(cfg, pose)), -float(facing)
 
 
 def _between(a: pin.SE3, b: pin.SE3, s: float) -> pin.SE3:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, plain
-from spacearm.errors import NoSolutionError
+from spacearm.errors import NoSolutionError, listed
 from spacearm.mechanics.dynamics import momentum_and_torque, spacecraft_twist
 from spacearm.mechanics.target import Target
 from spacearm.mission.braking import Braking
@@ -62,7 +62,7 @@ class Catch(Result, kw_only=True):
 
     Attributes:
         target: The target.
-        grapple: The grapple frame that is grasped.
+        grapple: The grapple frame that is grasped; of several tips the frame of each.
         t: Time of contact [s].
         begin: When the arm begins to move [s].
         plan: The motion to the stand-off, from rest to rest.
@@ -81,7 +81,7 @@ class Catch(Result, kw_only=True):
     """
 
     target: Target
-    grapple: str
+    grapple: str | Mapping[str, str]
     t: float
     begin: float
     plan: Plan
@@ -106,6 +106,22 @@ class Catch(Result, kw_only=True):
     def mode(self) -> BaseMode:
         """What the spacecraft does."""
         return self.plan.mode
+
+    @property
+    def frames(self) -> Mapping[str, str]:
+        """The grapple frame that each tip grasps."""
+        given = self.grapple
+        return {self.arm.tip: given} if isinstance(given, str) else given
+
+    @property
+    def clearance(self) -> float:
+        """How far singular postures are [rad]: proven; of several hands to first order."""
+        return self.distance_proven
+
+    @property
+    def margin(self) -> str:
+        """How far singular postures are, in words."""
+        return f"no singular posture nearer than {angle(self.clearance, down=True)}, proven"
 
     @cached_property
     def approach(self) -> Motion:
@@ -214,14 +230,12 @@ class Catch(Result, kw_only=True):
 
     def describe(self) -> Description:
         """Describe when and where it catches, with what margins, and what was tried."""
-        rates = np.linalg.norm(self.twist_error[:3]), np.linalg.norm(self.twist_error[3:])
-        proven = angle(self.distance_proven, down=True)
+        rates = np.linalg.norm(self.twist_error.reshape(-1, 2, 3), axis=2).max(axis=0)
         facts: dict[str, Cell] = {
             "begins to move": Measure(self.begin, "s"),
             "at the stand-off": Measure(self.begin + self.plan.t[-1], "s"),
             "contact": Measure(self.t, "s"),
             "joints at rest": Measure(self.t + self.brake.t[-1], "s"),
-            "singular posture, proven": f"none nearer than {proven}",
             "tip off the grapple frame": Measure(self.place_error, "m", ".1e"),
             "turned off it": Measure(self.turn_error, "rad", ".1e"),
             "relative velocity": Measure(float(rates[0]), "m/s", ".1e"),
@@ -236,9 +250,9 @@ class Catch(Result, kw_only=True):
         columns = (Column("contact", "s"), Column("grapple frame"), Column(""), Column(""))
         return Description(
             title=f"{self.arm.name} and {self.target.name}",
-            verdict=f"caught by {self.grapple} after {self.t:.4g} s",
+            verdict=f"caught by {listed(list(self.frames.values()))} after {self.t:.4g} s",
             tone="good",
-            notes=[self.plan.checked, self.rest, *self._wheels()],
+            notes=[self.margin, self.plan.checked, self.rest, *self._wheels()],
             tables=[Table.facts(facts), Table(columns, rows, "Tried")],
         )
 

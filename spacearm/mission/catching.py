@@ -9,19 +9,18 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from spacearm.errors import ImpossibleError, NoSolutionError, SpaceArmError
 from spacearm.mechanics.target import Target
-from spacearm.mission.approaching import NO_WAY, PROVEN, Approach
+from spacearm.mission.approaching import NO_WAY, Approach
 from spacearm.mission.catch_report import Candidate, Catch
+from spacearm.mission.two_hands import HandsApproach
 from spacearm.model.arguments import FLOATING, BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.planning.request import Constraints, Joints, Search
 from spacearm.signatures import checked
-from spacearm.singularities.nearest import angle
-from spacearm.singularities.sets import singular_set
 
 #: Share of the time that is given to each contact on each pass, 0 for one straight way; the first
 #: passes, so many, add contacts half way between.
@@ -32,7 +31,7 @@ SHARES, FINER = (0.0, 0.0, 1 / 30, 1 / 10, 1 / 3), 2
 def catch(
     start: Configuration,
     target: Target,
-    grapple: str | None = None,
+    grapple: str | Mapping[str, str] | None = None,
     *,
     window: Sequence[float] = (0.0, 60.0),
     approach: float = 0.2,
@@ -58,7 +57,8 @@ def catch(
         start: The arm at time 0, with momentum on board and what its wheels hold of it. Poses of
             the target are in the inertial frame of its base.
         target: The target.
-        grapple: Name of the grapple frame; any of them if None.
+        grapple: Name of the grapple frame; any of them if None. Of an arm with several tips the
+            frame of each, {tip: frame}: all of them grasp at the same time.
         window: Earliest and latest contact [s].
         approach: Distance of the stand-off, from which the tip closes in along the z axis of the
             grapple frame [m].
@@ -97,13 +97,15 @@ def catch(
         >>> bool(catch.place_error < 1e-6 and abs(catch.twist_error).max() < 1e-5)
         True
     """
-    request = Approach.of(
+    several = isinstance(grapple, Mapping) and len(grapple) > 1
+    kind = HandsApproach if several else Approach
+    request = kind.of(
         start, target, grapple, window, approach, closing, touching, bears, constraints, mode
     )
     request.check_start()
     begun = time.monotonic()
     ends = begun + search.timeout
-    tried, found = dict[tuple[float, str], Candidate](), list[Catch]()
+    tried, found = dict[tuple[float, str], Candidate](), dict[tuple[float, str], Catch]()
     kept = dict[tuple[float, str], Iterator[Joints]]()
     waiting, finer = list[tuple[float, str]](), request.candidates()
     shares = SHARES[FINER:] if request.moving else SHARES
@@ -129,9 +131,9 @@ def catch(
             else:
                 if not found:  # as long again, at most
                     ends = min(ends, 2.0 * time.monotonic() - begun + 1.0)
-                found.append(one)
-                tried[t, name] = _told(one)
-                if one.distance_proven >= request.proves:  # none is known to be better
+                found[t, name] = one
+                tried[t, name] = Candidate(t, name, True, one.margin)
+                if one.clearance >= request.proves:  # none is known to be better
                     ends = -math.inf
         waiting = again
     if not found:
@@ -144,17 +146,7 @@ def catch(
             "or name another grapple frame",
             tuple(tried.values()),
         )
-    best = max(found, key=lambda one: one.distance_proven)
-    if best.distance_proven < PROVEN:  # of this one all that can be
-        ways = (best.plan, best.chase)
-        known = singular_set(best.arm, mode=mode)
-        clear = [known.clearance(way, at_least=PROVEN).clearance for way in ways]
-        best = replace(best, distance_proven=max(best.distance_proven, min(clear)))
-        tried[best.t, best.grapple] = _told(best)
+    at = max(found, key=lambda at: found[at].clearance)
+    best = request.settled(found[at])
+    tried[at] = Candidate(*at, True, best.margin)
     return replace(best, tried=tuple(tried.values()))
-
-
-def _told(found: Catch) -> Candidate:
-    """Return what is told of a time and frame by which a catch was found."""
-    story = f"no singular posture nearer than {angle(found.distance_proven, down=True)}, proven"
-    return Candidate(found.t, found.grapple, True, story)

@@ -12,7 +12,7 @@ import pinocchio as pin
 from scipy.stats import binomtest
 
 from spacearm.arrays import Array, Parameters, finite, generator, plain, positive, whole
-from spacearm.errors import ConfigurationError, NoSolutionError
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import generalized_velocity, spacecraft_twist
 from spacearm.mechanics.target import Target
 from spacearm.mission.catch_report import Catch, grasp_of
@@ -230,6 +230,7 @@ def fly_many(
     Raises:
         ConfigurationError: An argument does not make sense.
         NoSolutionError: The approach itself fails with this plant.
+        UnsupportedError: Several tips catch.
 
     Example:
         >>> import numpy as np
@@ -245,6 +246,11 @@ def fly_many(
         >>> bool(found.share < 1.0)
         True
     """
+    if len(catch.frames) > 1:
+        raise UnsupportedError(
+            "catch is one by several tips, whose flights are not dispersed; catch.fly(actual) "
+            "flies it with one target that differs"
+        )
     m, rng = whole(runs, "runs", 1), generator(seed)
     actual = [errors.sample(catch.target, rng) for _ in range(m)]
     stages = 3.0
@@ -323,7 +329,7 @@ def fly_many(
 
 def _off(catch: Catch, actual: Target, cfg: Configuration, dq: Array) -> Array:
     """Return how far the tip is off the true grapple frame at contact (4,); see `MISSES`."""
-    frame = actual.at(catch.t, catch.grapple)
+    frame = actual.at(catch.t, catch.frames[cfg.arm.tip])
     apart = cfg.tip.actInv(frame.pose)
     twist = cfg.J @ generalized_velocity(cfg, dq, catch.mode) - frame.twist
     parts = apart.translation, pin.log3(apart.rotation), twist[:3], twist[3:]

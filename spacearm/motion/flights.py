@@ -112,8 +112,7 @@ class Flight(Trajectory, kw_only=True):
     @cached_property
     def tip_wrench(self) -> Array:
         """(m, 6) force [N] and moment [N m] at the tip that move what is held, tip axes."""
-        held = zip(self.phases, self.bodies, strict=True)
-        return read_only(np.concatenate([_borne(run, i, b) for i, (run, b) in enumerate(held)]))
+        return read_only(np.concatenate([self._wrenches(i) for i in range(len(self.phases))]))
 
     @property
     def left_over(self) -> Array:
@@ -161,11 +160,15 @@ class Flight(Trajectory, kw_only=True):
         """Return the phases and what happened as plain data."""
         return {name: plain(getattr(self, name)) for name in TOLD}
 
+    def _wrenches(self, i: int) -> Array:
+        """Return what tips give to what is held in a phase, see `tip_wrench`."""
+        return _borne(self.phases[i], i, self.bodies[i])
+
     def _loads(self) -> list[tuple[float, float, float]]:
         """Return how fast the spacecraft turns at the end of phases, and the most at the tip."""
         found = []
-        for i, (run, body) in enumerate(zip(self.phases, self.bodies, strict=True)):
-            most = np.linalg.norm(_borne(run, i, body).reshape(-1, 2, 3), axis=2).max(axis=0)
+        for i, run in enumerate(self.phases):
+            most = np.linalg.norm(self._wrenches(i).reshape(-1, 2, 3), axis=2).max(axis=0)
             found.append((_turning(run[-1], run.dq[-1], run.mode), *most.tolist()))
         return found
 

@@ -24,7 +24,7 @@ from spacearm.mechanics.arm_kernels import structure_of
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
-from spacearm.motion.controllers import Controller, Laws, check_target
+from spacearm.motion.controllers import Controller, Laws, Tracking, check_target
 from spacearm.motion.goal import Origin, started
 from spacearm.motion.motion import Trajectory
 from spacearm.motion.plant import Integration, Plant, Sampling
@@ -67,8 +67,8 @@ def simulate(
             linear momentum counts.
         controller: Called as controller(t, cfg, dq), returns (n,) torques [N m] or forces [N]; at
             times in any order, so that it must not remember. Plain array code is compiled, other
-            code is called in Python. Of an arm with several tips a law for each, by the tip's name:
-            it acts on the joints that move that tip.
+            code is called in Python. Of an arm with several tips `sa.Tracking` of a motion of all
+            joints, or a law for each, by the tip's name: it acts on the joints that move that tip.
         duration: How long [s].
         dq: (n,) joint rates at the start [rad/s] or [m/s]; zeros if None.
         mode: What the spacecraft does; see `generalized_jacobian`.
@@ -147,7 +147,8 @@ def audit(result: Trajectory, drift: float, integration: Integration) -> None:
 def _by_tip(arm: SpaceArm, controller: Laws) -> dict[int, Controller]:
     """Return the controllers by the number of the tip that they lead, -1 for all joints."""
     if not isinstance(controller, Mapping):
-        arm.require_one_tip()
+        if not isinstance(controller, Tracking):  # which leads all joints, of whatever tips
+            arm.require_one_tip()
         return {-1: controller}
     require_known("tip", controller, arm.tips)
     return {arm.tips.index(tip): law for tip, law in controller.items()}

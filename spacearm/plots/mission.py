@@ -49,11 +49,17 @@ def draw_catch(result: Catch, panels: Any) -> None:
     """
     gap, clear, rates = panels
     way, target, brake = result.approach, result.target, result.brake
-    places = [target.at(float(t), result.grapple).pose.translation for t in way.t]
-    gap.plot(way.t, np.linalg.norm(way.tip[:, :3] - places, axis=1), color=style.BLUE)
+    tips = np.array([[tip.translation for tip in cfg.tips] for cfg in way])
+    for i, (tip, frame) in enumerate(result.frames.items()):
+        places = [target.at(float(t), frame).pose.translation for t in way.t]
+        off = np.linalg.norm(tips[:, i] - places, axis=1)
+        gap.plot(way.t, off, color=style.COLOURS[i], label=tip)
+    if len(result.frames) > 1:
+        gap.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     gap.set(ylabel="tip to grapple\nframe [m]", ylim=(0.0, None))
     clear.plot(way.t, np.degrees(way.distance), color=style.GREEN, label="found")
-    clear.axhline(np.degrees(result.distance_proven), color=style.GREY, ls=":", label="proven")
+    if result.distance_proven:
+        clear.axhline(np.degrees(result.distance_proven), color=style.GREY, ls=":", label="proven")
     clear.set(ylabel="to the nearest singular\nposture [°]", ylim=(0.0, None))
     clear.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     begin, standing = result.begin, result.begin + result.plan.t[-1]

@@ -107,7 +107,8 @@ def draw_flight(flight: Flight, panels: Any) -> None:
     turning.plot(t, np.degrees(flight.turning), color=style.BLUE)
     turning.set(ylabel="spacecraft\nturns [deg/s]", ylim=(0.0, None))
     _draw_wheels(wheels, flight, flight.wheels)
-    force, moment = np.linalg.norm(flight.tip_wrench.reshape(-1, 2, 3), axis=2).T
+    loads = np.linalg.norm(flight.tip_wrench.reshape(len(flight), -1, 2, 3), axis=3)
+    force, moment = loads.max(axis=1).T  # of several hands the most
     tip.plot(t, force, color=style.ORANGE, label="N")
     tip.plot(t, moment, color=style.GREEN, label="N m")
     tip.set(ylabel="force, moment\nat the tip", xlabel="time [s]", ylim=(0.0, None))

@@ -175,23 +175,24 @@ class TargetLayer:
         self._node, self._catch = node, catch
         node.delete()
         begin = catch.begin + float(catch.plan.t[-1])
-        frame = catch.target.at(begin, catch.grapple).pose
-        places = {**catch.target.grapples}
-        places["stand-off"] = places[catch.grapple] * frame.actInv(catch.plan[-1].tip)
-        self._held = catch.chase[-1].tip.actInv(catch.target.at(catch.t).pose)
+        places = [(pose, TEAL) for pose in catch.target.grapples.values()]
+        where = catch.target.at(begin).pose
+        places += [(where.actInv(tip), OLIVE) for tip in catch.plan[-1].tips]
+        self._held = catch.chase[-1].tips[0].actInv(catch.target.at(catch.t).pose)
         draw_triangles(node["body"], np.concatenate(catch.target.drawn))
-        for number, (name, pose) in enumerate(places.items()):
-            color = OLIVE if name == "stand-off" else TEAL
+        for number, (pose, color) in enumerate(places):
             shapes.draw_axes(node["frames"][str(number)], 0.4 * size, color)
             node["frames"][str(number)].set_transform(pose.homogeneous)
-        self._standing = node["frames"][str(len(places) - 1)]
+        first = len(catch.target.grapples)
+        self._standing = [node["frames"][str(i)] for i in range(first, len(places))]
 
     def draw(self, cfg: Configuration, t: float) -> None:
         """Move it to where it is at a time [s]."""
         free = t < self._catch.t
-        pose = self._catch.target.at(t).pose if free else cfg.tip * self._held
+        pose = self._catch.target.at(t).pose if free else cfg.tips[0] * self._held
         self._node.set_transform(pose.homogeneous)
-        self._standing.set_property("visible", free)
+        for frame in self._standing:
+            frame.set_property("visible", free)
 
 
 #: Parts of a wrench: name, heads of the arrow, and the components.

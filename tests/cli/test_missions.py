@@ -157,6 +157,14 @@ def test_mistakes_of_a_target_are_named(tmp_path, text, words):
     assert words in run.stderr
 
 
+def test_frames_of_several_tips_are_given_by_their_names(tmp_path):
+    (tmp_path / "debris.toml").write_text(TARGET)
+    words = ("catch", "dual_ur5", "--target", "debris.toml", "--grapple")
+    run = spacearm(*words, "left=side", "--grapple", "left=side", *[0] * 12, cwd=tmp_path)
+    assert run.returncode == 2
+    assert "TIP=FRAME once for each tip" in run.stderr
+
+
 def test_what_the_hand_holds_is_identified_from_a_table(tmp_path):
     """Positions, poses, rates and twists as measured; a missing column is named."""
     arm = sa.load("planar2")

@@ -1,0 +1,528 @@
+"""Two hands: a target is caught by several tips at the same time, and braked by all of them.
+
+All tips are led to stand-offs before their grapple frames, take up the motion of these and close in
+together. From contact on the chain is closed: its target comes to rest, seen from the spacecraft,
+along the screw that it moves along at contact, and all joints follow closure. Torques are those by
+which the hands give the target the least wrenches that move it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import field, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.closure.closing import Gaps, carried, target_momentum
+from spacearm.closure.holding import Held, hold
+from spacearm.closure.target_paths import Carrying, TargetCurve
+from spacearm.closure.target_runs import TargetRun, closed_state, onto_closure
+from spacearm.errors import (
+    ConfigurationError,
+    ImpossibleError,
+    NoSolutionError,
+    UnsupportedError,
+    listed,
+    require_known,
+)
+from spacearm.mechanics.dynamics import (
+    Capture,
+    generalized_velocity,
+    inverse_dynamics,
+    mass_matrix,
+)
+from spacearm.mechanics.target import Target
+from spacearm.mission.approaching import NO_WAY, Approach, away
+from spacearm.mission.braking import BRAKES, Braking, largest_torques
+from spacearm.mission.catch_report import Catch
+from spacearm.model.arguments import FLOATING
+from spacearm.model.arm import Configuration, SpaceArm, kinematics
+from spacearm.motion import following
+from spacearm.motion.controllers import Tracking
+from spacearm.motion.events import Event
+from spacearm.motion.flights import Flight, Phase, simulate_phases
+from spacearm.motion.goal import out_of_reach, twist_between
+from spacearm.motion.motion import carried_along, samples
+from spacearm.motion.plant import Integration, Plant
+from spacearm.planning.planner import plan
+from spacearm.planning.problem import LEAST
+from spacearm.planning.request import Joints, Search
+from spacearm.planning.result import Plan
+from spacearm.singularities.nearest import angle
+
+
+class ClosedBraking(Braking, kw_only=True):
+    """The motion by which arms that hold a target bring their joints to rest along closure.
+
+    Its arm is the arms with the target, which is fixed to the first tip. `wrench` (m, 6 tips) is
+    what each hand gives the target, axes of its tip.
+
+    Attributes:
+        gap: (m,) largest distance of a tip from its grasp [m].
+        gap_angle: (m,) largest angle between them [rad].
+        closure_distance: (m,) how far the nearest singular posture along closure is, to first
+            order [rad].
+    """
+
+    gap: Array
+    gap_angle: Array
+    closure_distance: Array
+
+
+class HandsFlight(Flight, kw_only=True):
+    """The flight of a catch by several hands, from `Catch.fly`.
+
+    In its last phase the chain is closed: a `TargetRun`. `tip_wrench` has (m, 6 tips).
+    """
+
+    def _wrenches(self, i: int) -> Array:
+        run, first = self.phases[i], min(i, 1)
+        tips = self.phases[0].arm.tips
+        if not isinstance(run, TargetRun):
+            return np.zeros((len(run) - first, 6 * len(tips)))
+        turns = [[tip.rotation for tip in cfg.tips] for cfg in run][first:]
+        given = np.stack([run.grasps[tip][first:] for tip in tips], axis=1)
+        in_tips = given.reshape(*given.shape[:2], 2, 3) @ np.array(turns)
+        return in_tips.reshape(len(given), -1)
+
+
+class HandsCatch(Catch, kw_only=True):
+    """How several hands catch a target at the same time, from `sa.catch`.
+
+    It is a `Catch`: `brake` is along closure, `twist_error` (6 tips,) is that of all tips, place
+    and angle are those of the tip that is farthest off. Nothing is proven of singular postures:
+    `distance_proven` is 0.
+
+    Attributes:
+        held: How the target is held at contact, with the momentum of both.
+    """
+
+    held: Held
+    brake: ClosedBraking = field()
+
+    @cached_property
+    def clearance(self) -> float:
+        """How far singular postures are at the rows, to first order [rad].
+
+        Those of the free hands, and along closure while they brake.
+        """
+        ways = self.plan.distance, self.chase.distance, self.brake.closure_distance
+        return float(min(way.min() for way in ways))
+
+    @property
+    def margin(self) -> str:
+        """How near singular postures are, in words."""
+        return (
+            f"no singular posture nearer than {angle(self.clearance, down=True)}, to first order "
+            "at the rows"
+        )
+
+    @property
+    def not_checked(self) -> str:
+        """What the answer does not cover."""
+        return f"singular postures, limits and closure between the rows; {super().not_checked}"
+
+    def fly(
+        self,
+        actual: Target | None = None,
+        *,
+        plant: Plant = Plant(),
+        integration: Integration = Integration(),
+        progress: Callable[[float, float], object] | None = None,
+    ) -> Flight:
+        """Simulate the catch, as `Catch.fly`: all hands grasp in one plastic impact.
+
+        From then on the chain is closed, as `Held.simulate` has it, without squeezing. Wheels do
+        what the plant says.
+
+        Args:
+            actual: The target as it is; the hands grasp it wherever they are then.
+            plant: What else acts, as in `Held.simulate`.
+            integration: How it is integrated.
+            progress: Called now and then as progress(t, duration).
+
+        Returns:
+            The flight: "approach", "closing in" and "braking", a `TargetRun`.
+
+        Raises:
+            SpaceArmError: As `simulate_phases` and `Held.simulate` raise.
+        """
+        target = actual or self.target
+        total = self.t + float(self.brake.t[-1])
+        begun = replace(self.plan, t=self.begin + self.plan.t)
+
+        def tell(begin: float) -> Callable[[float, float], object] | None:
+            return progress and (lambda t, _: progress(begin + t, total))
+
+        phases = [
+            Phase(
+                Tracking(motion), float(motion.t[-1]), plant=plant, name=name,
+                integration=integration,
+            )
+            for name, motion in (("approach", begun), ("closing in", self.chase))
+        ]  # fmt: skip
+        free = simulate_phases(self.plan[0], phases, progress=tell(0.0))
+        end, contact = free.phases[-1][-1], float(free.t[-1])
+        met = target.at(contact)
+        there = target.replace(pose=met.pose)
+        grasps = {
+            tip: met.pose.actInv(pose) for tip, pose in zip(self.arm.tips, end.tips, strict=True)
+        }
+        held = hold(end, there, grasps, limits=False)
+        hit = impact(held, free.dq[-1], met.twist)
+        held = replace(held, configuration=held.configuration.with_momentum(hit.momentum))
+        run = held.simulate(
+            Tracking(self.brake), float(self.brake.t[-1]), dq=hit.dq,
+            squeeze=dict.fromkeys(self.arm.tips, np.zeros(6)), plant=plant,
+            integration=integration, progress=tell(contact),
+        )  # fmt: skip
+        detail = f"{target.mass:g} kg, {hit.energy_lost:.3g} J lost"
+        later = [event._replace(t=contact + event.t) for event in run.events]
+        return HandsFlight.joined(
+            [*free.phases, run],
+            [*free.begins.tolist(), contact],
+            [*free.events, Event(contact, "grasp", end.q, detail), *later],
+            [hit],
+            [*free.names, "braking"],
+            [None] * 3,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what `Catch` tells, and how far singular postures are to first order."""
+        return super().to_dict() | {"clearance": self.clearance}
+
+
+class HandsCurve(following.TipCurve):
+    """The curve of states along which several tips follow each its segment.
+
+    Args:
+        cfg: Configuration at its start.
+        segments: Those of all tips, over the time.
+        limits: Whether joint limits end it.
+    """
+
+    def __init__(
+        self, cfg: Configuration, segments: Sequence[following.Segment], limits: bool
+    ) -> None:
+        self.segments = segments
+        super().__init__(cfg, segments[0], FLOATING, limits)
+
+    def wanted(self, cfg: Configuration, s: float) -> Array:
+        """Return the twists (6 tips,) of the tips, and back to where they should be."""
+        pairs = zip(cfg.tips, self.segments, strict=True)
+        return np.concatenate(
+            [
+                one.twist(s) + following.RETURN * twist_between(tip, one.pose(s))
+                for tip, one in pairs
+            ]
+        )
+
+    def place(self, cfg: Configuration) -> Array:
+        """Return where (3,) the first tip is [m]."""
+        return cfg.tips[0].translation
+
+
+class HandsApproach(Approach):
+    """What is asked for of several hands, checked; `grapples` are the frames of the tips."""
+
+    @classmethod
+    def named(
+        cls, arm: SpaceArm, target: Target, grapple: str | Mapping[str, str] | None
+    ) -> tuple[str, ...]:
+        """Return the grapple frames of all tips, in their order.
+
+        Raises:
+            ConfigurationError: They are not those of all tips.
+            UnsupportedError: The task is no pose, or the joints are too few for it.
+        """
+        if not isinstance(grapple, Mapping) or set(grapple) != set(arm.tips):
+            raise ConfigurationError(
+                f"grapple is {grapple!r}; give {{tip: frame}} for each tip of {arm.name}: "
+                f"{listed(arm.tips)}; sa.load(source, tip=[...]) names other tips"
+            )
+        for name in grapple.values():
+            require_known(f"grapple of {target.name}", name, target.grapples)
+        frames = tuple(grapple[tip] for tip in arm.tips)
+        if len(set(frames)) < len(frames):
+            raise ConfigurationError(f"grapple is {grapple!r}; give each tip a frame of its own")
+        if arm.task.k < 6 * len(frames) or arm.n < arm.task.k:
+            raise UnsupportedError(
+                f"{arm.name} has the task {arm.task.names!r} and {arm.n} joints; several hands "
+                f"catch by their poses, {6 * len(frames)} rows: sa.load(..., task='pose')"
+            )
+        return frames
+
+    def check_start(self) -> None:
+        """Refuse what several hands cannot do, and a start at which the target is met at once."""
+        if self.mode != FLOATING:
+            raise UnsupportedError(
+                f"mode is {self.mode!r}; several hands catch from a spacecraft that floats: leave "
+                "out mode, or catch by one tip"
+            )
+        if self.moving:
+            raise UnsupportedError(
+                "the start has momentum on board, with which several hands catch nothing; leave "
+                "out momentum and wheels of the start, or catch by one tip"
+            )
+        super().check_start()
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """All frames at once, the only choice."""
+        return (", ".join(self.grapples),)
+
+    @cached_property
+    def proves(self) -> float:
+        """Distance to the singular set at which no other catch is sought: there is none."""
+        return math.inf
+
+    def settled(self, found: Catch) -> Catch:
+        """Return a catch as it is: nothing is proven of several hands."""
+        return found
+
+    @cached_property
+    def single(self) -> tuple[SpaceArm, ...]:
+        """The arm with each tip as the only one."""
+        arm = self.start.arm
+        return tuple(arm.replace(tip=tip, joints=arm.joint_names) for tip in arm.tips)
+
+    def hands(self, cfg: Configuration) -> list[tuple[Configuration, str]]:
+        """Return a configuration with each tip as the only one, and the frame of that."""
+        q, base = cfg.q.copy(), cfg.base
+        return [
+            (kinematics(one, q, base), name)
+            for one, name in zip(self.single, self.grapples, strict=True)
+        ]
+
+    def rank(self, t: float, _: str) -> tuple[bool, float]:
+        """Return whether a frame is out of reach at a time, and how much one looks away at most."""
+        hands = self.hands(self.start)
+        return max(away(cfg, self.target.at(t, name).pose) for cfg, name in hands)
+
+    def straight(self, *_: object) -> Iterator[Joints]:
+        """Yield once: tips are led along straight lines once for each time."""
+        yield Joints(self.start.q)
+
+    def attempt(
+        self, t: float, grapple: str, ways: Iterator[Joints], search: Search, lasts: float
+    ) -> Catch:
+        """Return the catch at a time, as `Approach.attempt`.
+
+        Straight lines of the tips are tried first, then all that `plan` has.
+
+        Raises:
+            SpaceArmError: There is none, or none was found.
+        """
+        goals = dict[str, pin.SE3]()
+        for cfg, name in self.hands(self.start):
+            if why := out_of_reach(cfg, self.target.at(t, name).pose):
+                raise ImpossibleError(f"{cfg.arm.tip}: {why}")
+            goals[cfg.arm.tip] = self.path(t, name, nodes=1)[0][0]
+        stands, look = t - sum(self.duration), replace(search, method="straight")
+        if lasts > 0.0 and search.method != "straight":
+            look = replace(search, timeout=min(lasts, search.timeout))
+        elif next(ways, None) is None:
+            raise NoSolutionError(NO_WAY)
+        among = replace(self.constraints, wheels=None)
+        reach = plan(self.start, goals, constraints=among, search=look)
+        if self._met(self._in_time(reach, stands), stands):
+            raise NoSolutionError("the way to the stand-off meets the target")
+        return self._caught(t, grapple, reach)
+
+    def _chase(self, t: float, reach: Plan) -> following.Followed:
+        """Return the motion of all tips from the stand-offs to contact.
+
+        Raises:
+            NoSolutionError: It does not arrive.
+        """
+        start, segments = reach[-1], list[following.Segment]()
+        hands = self.hands(start)
+        for cfg, name in hands:
+            poses, clock = self.path(t, name, cfg)
+            segments.append(following.timed_curve(cfg, poses, clock, at_rest=False))
+        led, last, place = following.rows_along(
+            start, segments[:1], 1.0,
+            lambda at, _: HandsCurve(at, segments, self.constraints.limits), None,
+        )  # fmt: skip
+        behind, whole = following.lengths_of(hands[0][0], led.s, segments[:1], True)
+        chase = following.Followed(
+            arm=start.arm, t=led.s, **samples(led.rows), **carried_along(start, len(led.rows)),
+            s=behind, length=whole, ended=last.kind,
+            reason=following.how_it_ended(start.arm, place, behind[-1], whole, last, "first tip"),
+            dq=led.dq, ddq=led.ddq, jumps=led.jumps,
+        )  # fmt: skip
+        if not chase.arrived:
+            raise NoSolutionError(f"on the way from the stand-off: {chase.reason}")
+        return chase
+
+    def _caught(self, t: float, _: str, reach: Plan) -> Catch:
+        """Return the catch at a time, from a plan to the stand-offs.
+
+        Raises:
+            SpaceArmError: It keeps not all constraints.
+        """
+        arm, target, chase = self.start.arm, self.target, self._chase(t, reach)
+        rates = self.constraints.joint_rates(arm)
+        self._check_loads("rate", np.abs(chase.dq).max(axis=0), rates)
+        self._check_contacts(chase, t)
+        least = LEAST if self.constraints.clearance is None else self.constraints.clearance
+        if (near := float(chase.distance.min())) < least:
+            raise NoSolutionError(
+                f"from the stand-off on a singular posture is about {angle(near)} away, and the "
+                f"clearance is {angle(least)}"
+            )
+        end, met = chase[-1], target.at(t)
+        frames = dict(zip(arm.tips, self.grapples, strict=True))
+        held = hold(end, target.replace(pose=met.pose), frames, fixed=True, limits=False)
+        hit = impact(held, chase.dq[-1], met.twist)
+        held = replace(held, configuration=held.configuration.with_momentum(hit.momentum))
+        try:
+            brake = self._braked(held, hit.dq, rates, float(least))
+        except NoSolutionError as error:
+            raise NoSolutionError(f"with {target.name} in the hands, {error}") from None
+        torque = np.maximum(largest_torques(chase), np.abs(brake.torque).max(axis=0))
+        self._check_loads("torque", torque, self.efforts)
+        wanted = [target.at(t, name) for name in self.grapples]
+        off = Gaps.of(end.tips, met.pose, [target.frame(name) for name in self.grapples])
+        twists = end.J @ generalized_velocity(end, chase.dq[-1])
+        return HandsCatch(
+            target=target,
+            grapple=MappingProxyType(frames),
+            t=t,
+            begin=max(t - float(chase.t[-1] + reach.t[-1]), 0.0),
+            plan=reach,
+            chase=chase,
+            brake=brake,
+            distance_proven=0.0,
+            place_error=off.gap,
+            turn_error=off.turn,
+            twist_error=twists - np.concatenate([frame.twist for frame in wanted]),
+            torque=torque,
+            momentum=hit.momentum,
+            wheels=self._wheels_after(brake[-1]),
+            wheel_load=(),
+            tried=(),
+            held=held,
+        )
+
+    def _braked(self, held: Held, dq: Array, rates: Array, least: float) -> ClosedBraking:
+        """Return the shortest braking tried that keeps limits, rates, torques, what grasps bear.
+
+        Args:
+            held: How the target is held, with the momentum of both.
+            dq: (n,) joint rates at contact, which keep the grasps closed.
+            rates: (n,) the largest.
+            least: Least distance to a singular posture along closure [rad].
+
+        Raises:
+            NoSolutionError: None of them does; says why.
+        """
+        carrying, why = held.carrying, ""
+        seen = kinematics(carrying.of_target, held.q.copy(), pin.SE3.Identity())
+        twist = seen.J[:, 6:] @ dq
+        for duration in BRAKES:
+            piece = stopping(seen.tip, twist, duration)
+            led, last, _ = following.rows_along(
+                carrying.start, [piece], 1.0,
+                lambda at, piece: TargetCurve(
+                    carrying, at, piece, FLOATING, self.constraints.limits, "spacecraft"
+                ),
+                None,
+            )  # fmt: skip
+            if last.kind != "arrived":
+                why = f"braking in {duration:g} s ends at a {last.kind} after {last.t:.3g} s"
+                break
+            brake = closed_braking(carrying, led)
+            faster = float((np.abs(brake.dq) / rates).max())
+            near, (force, moment) = float(brake.closure_distance.min()), brake.borne
+            torque = float((np.abs(brake.torque) / self.efforts).max())
+            if near < least:
+                why = (
+                    f"braking in {duration:g} s leads to about {angle(near)} of a singular posture"
+                )
+                break
+            why = (
+                f"braking in {duration:g} s takes {torque:.3g} times the torque and {faster:.3g} "
+                f"times the rate of a joint, and {force:.3g} N and {moment:.3g} N m of a grapple"
+            )
+            if max(torque, faster) <= 1.0 and force <= self.bears[0] and moment <= self.bears[1]:
+                return brake
+        raise NoSolutionError(why)
+
+
+def stopping(pose: pin.SE3, twist: Array, duration: float) -> following.Segment:
+    """Return the screw along which what moves comes to rest, over the time.
+
+    Args:
+        pose: Where it is.
+        twist: (6,) how it moves, [velocity of its frame's origin; angular velocity].
+        duration: How long it takes [s].
+    """
+
+    def along(t: float) -> pin.SE3:
+        s = min(t / duration, 1.0)
+        way = duration * (s - s**3 + 0.5 * s**4) * twist
+        return pin.SE3(pin.exp3(way[3:]) @ pose.rotation, pose.translation + way[:3])
+
+    def rate(t: float) -> Array:
+        s = min(t / duration, 1.0)
+        return (1.0 - 3.0 * s**2 + 2.0 * s**3) * twist
+
+    return following.Segment(duration, along, rate, False)
+
+
+def closed_braking(carrying: Carrying, led: following.Led) -> ClosedBraking:
+    """Return the braking along rows of arms that hold a target, with its torques and wrenches."""
+    rows, none = led.rows, np.zeros((len(carrying.grasps), 6))
+    torque, wrench = list[Array](), list[Array]()
+    for cfg, dq, ddq in zip(rows, led.dq, led.ddq, strict=True):
+        tau = inverse_dynamics(cfg, dq, ddq).tau
+        state = closed_state(carrying, cfg, generalized_velocity(cfg, dq), tau, none)
+        turns = np.array([tip.rotation for tip in cfg.tips])
+        torque.append(state.tau)
+        wrench.append((state.wrenches.reshape(-1, 2, 3) @ turns).ravel())
+    gaps = carrying.account(rows)
+    return ClosedBraking(
+        arm=carrying.arm, t=led.s, **samples(rows), **carried_along(carrying.start, len(rows)),
+        dq=led.dq, ddq=led.ddq, torque=np.array(torque), wrench=np.array(wrench),
+        gap=gaps["gap"], gap_angle=gaps["gap_angle"],
+        closure_distance=np.array([carrying.distance(cfg, FLOATING) for cfg in rows]),
+    )  # fmt: skip
+
+
+def impact(held: Held, dq: Array, twist: Array) -> Capture:
+    """Return what all hands do to a target and it to them as they grasp, a plastic impact.
+
+    The velocities just after are those next to the velocities before, by energy, that keep the
+    grasps closed: impulses of the grasps lead there, momentum stays.
+
+    Args:
+        held: How it is held, with the momentum of the arm alone.
+        dq: (n,) joint rates before.
+        twist: (6,) that of the target's frame before.
+    """
+    arm, carrying, target = held.configuration, held.carrying, held.target
+    assert target is not None
+    whole, at = carrying.start, target.pose.translation
+    before = generalized_velocity(arm, dq)
+    J = carried(at - arm.tips[0].translation) @ arm.J[:6]
+    M, M_t, M_whole = mass_matrix(arm), target_momentum(target, at), mass_matrix(whole)
+    first = np.linalg.solve(M_whole, M @ before + J.T @ M_t @ twist)
+    after = onto_closure(whole, first)
+    energy = before @ M @ before + twist @ M_t @ twist - after @ M_whole @ after
+    momentum = whole.A @ after
+    lever = carried(arm.tips[0].translation - at)
+    return Capture(
+        configuration=whole.with_momentum(momentum),
+        twist=np.kron(np.eye(2), whole.base.rotation) @ after[:6],
+        dq=after[6:],
+        momentum=momentum,
+        impulse=np.linalg.solve(lever.T, -M_t @ (J @ after - twist)),
+        energy_lost=0.5 * float(energy),
+    )
