@@ -121,8 +121,7 @@ def _found(tree: Tree, path: Path) -> Tips:
         wheels = [joint.name for joint in tree.leading()]
         if not wheels:
             raise ModelError(f"{path}: no joint can move; an arm needs at least one free joint")
-        lump = tree.lumps[tree.joints[wheels[0]].child]
-        named = next((link for link in lump if link not in tree.marks), lump[0])
+        named = next(link for link in tree.links if link not in tree.marks and tree.movable(link))
         idle = [link for link, part in tree.links.items() if not part and link in tree.visuals]
         raise ModelError(
             f"{path}: nothing moves but wheels ({listed(wheels)}); an arm needs a joint; if one "

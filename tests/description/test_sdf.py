@@ -170,6 +170,7 @@ def test_includes_are_found(tmp_path, monkeypatch):
     np.testing.assert_allclose(tip_at(arm, [0, 0]), [2, 0, 3], atol=1e-15)
     monkeypatch.setenv("GZ_SIM_RESOURCE_PATH", str(models))
     assert load(text, here).n == 2
+    assert load(text.replace("model://", ""), here).n == 2
     merged = text.replace("<include>", "<include merge='true'>").replace("left::", "")
     assert set(load(merged, here).joint_names) == {"elbow", "wrist"}
     ring = sdf(model(BUS, include))
@@ -525,6 +526,10 @@ BAD = {
         "arm, c form a loop",
     ),
     "a joint to itself": (sdf(model(BUS, ARM, elbow(child="bus"))), "leads from 'bus' to 'bus'"),
+    "a joint to its own frame": (
+        sdf(model(BUS, ARM, ELBOW, joint("own", "bus", "own", "fixed"))),
+        "'own' leads from 'bus' to 'own'; exchange or rename",
+    ),
     "poses in a ring": (
         sdf(model(BUS, link("arm", to="c"), link("c", to="arm"), ELBOW)),
         "has a pose relative to itself",

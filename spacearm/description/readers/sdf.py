@@ -152,7 +152,7 @@ class _Reader:
             frames.link_of(self._contents.end(joint, end, scope), joint)
             for end in ("parent", "child")
         )
-        if child == WORLD or parent == child:
+        if child == WORLD or parent == child or not {parent, child} <= forest.links.keys():
             source.fail(f"joint {name!r} leads from {parent!r} to {child!r}", "exchange or rename")
         if kind in FREE or (kind == "planar" and parent == WORLD):
             source.warn(f"joint {name!r} of type {kind!r} is left out: {child!r} floats by itself")

@@ -366,7 +366,7 @@ def _candidates(source: Source, uri: str) -> Iterator[Path]:
         yield from _model_files(Path(rest))
     elif scheme == "" and rest:
         yield from _model_files(source.path.resolve().parent / rest)
-    elif scheme in ("model", "package"):
+    if scheme in ("", "model", "package"):
         for place in chain(*(os.environ.get(name, "").split(os.pathsep) for name in FOLDERS)):
             if place:
                 yield from _model_files(Path(place) / rest)
