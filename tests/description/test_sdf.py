@@ -525,10 +525,13 @@ BAD = {
         sdf(model(BUS, ARM, link("c"), joint("j", "arm", "c"), joint("k", "c", "arm"))),
         "arm, c form a loop",
     ),
-    "a joint to itself": (sdf(model(BUS, ARM, elbow(child="bus"))), "leads from 'bus' to 'bus'"),
+    "a joint to itself": (
+        sdf(model(BUS, ARM, elbow(child="bus"))),
+        "line 3. leads from 'bus' to 'bus'",
+    ),
     "a joint to its own frame": (
         sdf(model(BUS, ARM, ELBOW, joint("own", "bus", "own", "fixed"))),
-        "'own' leads from 'bus' to 'own'; exchange or rename",
+        "joint 'own' .line 3. leads from 'bus' to 'own'; exchange or rename",
     ),
     "poses in a ring": (
         sdf(model(BUS, link("arm", to="c"), link("c", to="arm"), ELBOW)),
@@ -550,7 +553,10 @@ BAD = {
         sdf(model(BUS, link("arm", -1.0), ELBOW)),
         "'arm' is -1 kg; give a positive",
     ),
-    "a zero axis": (sdf(model(BUS, ARM, joint("elbow", "bus", "arm", xyz="0 0 0"))), "a zero axis"),
+    "a zero axis": (
+        sdf(model(BUS, ARM, joint("elbow", "bus", "arm", xyz="0 0 0"))),
+        "line 3. has a zero",
+    ),
     "reversed limits": (
         sdf(model(BUS, ARM, ELBOW.replace(">-1<", ">9<"))),
         "<limit> of joint 'elbow' is reversed .lower 9, upper 2.; exchange",

@@ -153,7 +153,9 @@ class _Reader:
             for end in ("parent", "child")
         )
         if child == WORLD or parent == child or not {parent, child} <= forest.links.keys():
-            source.fail(f"joint {name!r} leads from {parent!r} to {child!r}", "exchange or rename")
+            source.fail(
+                f"{describe(joint)} leads from {parent!r} to {child!r}", "exchange or rename"
+            )
         if kind in FREE or (kind == "planar" and parent == WORLD):
             source.warn(f"joint {name!r} of type {kind!r} is left out: {child!r} floats by itself")
             return
@@ -229,9 +231,9 @@ class _Reader:
         """Read the unit vector of an <axis> or <axis2>, in the frame of the joint."""
         source, axis = self._source, self._source.child(joint, tag)
         if axis is None:
-            source.fail(f"joint {name!r} has no <{tag}>", f"add <{tag}><xyz>0 0 1</xyz></{tag}>")
+            source.fail(f"{describe(joint)} has no <{tag}>", f"add <{tag}><xyz>0 0 1</xyz></{tag}>")
         direction = vector(source, axis, "xyz", "0 0 1")
-        zero = f"joint {name!r} has a zero axis"
+        zero = f"{describe(joint)} has a zero axis"
         direction = source.unit(direction, zero, "give the direction it moves along")
         xyz = source.child(axis, "xyz")
         frame = scope.name("" if xyz is None else xyz.get("expressed_in", ""))
