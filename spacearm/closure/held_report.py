@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -35,10 +35,8 @@ from spacearm.results import (
     without_noise,
 )
 from spacearm.singularities.nearest import angle, nearness
-from spacearm.singularities.report import FAR, singularity
+from spacearm.singularities.report import FAR, Kind, singularity
 from spacearm.singularities.rounding import error_bars
-
-HeldKind = Literal["regular", "closure", "kinematic", "dynamic"]
 
 #: What a unit of wrench, lost by the hands, does to the target at most if it squeezes it only.
 SQUEEZE = 1e-2
@@ -89,7 +87,7 @@ class HeldReport(Result):
     configuration: Configuration
     target: Target | None
     mode: BaseMode
-    kind: HeldKind
+    kind: Kind
     distance: float
     distance_proven: float
     away: Array
@@ -212,7 +210,7 @@ def held_report(
     near = closed_distances(cfg, closed, mode)
     deficit = int(np.count_nonzero(near.distances <= tolerance))
     U, sigma, VT = np.linalg.svd(T)
-    kind: HeldKind = "regular"
+    kind: Kind = "regular"
     if deficit:
         u = np.linalg.svd(task_jacobian(cfg, mode=mode) * unit)[0][:, : min(arm.task.k, arm.n)]
         squeezes = np.linalg.norm(u[:, -deficit:].T @ closed.grasps, axis=1) < SQUEEZE

@@ -33,7 +33,8 @@ from spacearm.singularities.nearest import NearestSingular, angle, nearness
 from spacearm.singularities.rounding import error_bars
 from spacearm.singularities.sets import nearest_on_way
 
-Kind = Literal["regular", "kinematic", "dynamic"]
+#: "closure" is for held targets alone, see `HeldReport`.
+Kind = Literal["regular", "closure", "kinematic", "dynamic"]
 
 #: Share of the largest singular value below which J* cannot be inverted to continue a motion.
 NO_INVERSE = 1e-9
@@ -51,7 +52,9 @@ IN_WORDS = (
 FAR = np.pi / 2.0
 #: Joints with less than this share of the way out are not named in it.
 LED = 0.2
-TONES: Mapping[Kind, Tone] = {"regular": "good", "kinematic": "caution", "dynamic": "bad"}
+TONES: Mapping[Kind, Tone] = {
+    "regular": "good", "closure": "bad", "kinematic": "caution", "dynamic": "bad",
+}  # fmt: skip
 
 
 class SingularityReport(Result):

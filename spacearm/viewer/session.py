@@ -582,7 +582,7 @@ class HeldSession(Session):
             distance_proven=0.0,
             nearest=None,
             away=held.away,
-            kind="dynamic" if held.kind == "closure" else held.kind,
+            kind=held.kind,
             rank=held.available.shape[1],
             available=held.available,
             lost=held.lost,

@@ -1,5 +1,7 @@
 """The tip pulled by a pointer."""
 
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -141,6 +143,22 @@ def test_what_two_hands_hold_is_dragged_and_its_grasps_stay_closed(mode):
     assert session.report.kind != "regular"
     assert session.held.closed
     sa.view(held, open=False).draw()
+
+
+def test_the_page_and_the_report_call_a_singular_closure_alike():
+    """Two planar arms of three joints, all on one line: only squeezing along it takes no torque."""
+    parts = [link("bus", 40.0, (0, 0.3, 0))]
+    for side, x in (("left", -0.5), ("right", 0.5)):
+        names = ["bus", *(f"{side}_{i}" for i in range(3))]
+        parts += [link(name, 4.0, (x, 0, 0)) for name in names[1:]]
+        for i, pair in enumerate(pairwise(names)):
+            parts.append(joint(f"{side}_j{i}", *pair, "continuous", (x + x * (i > 0), 0, 0)))
+        parts += [f'<link name="{side}"/>', joint(side, names[-1], side, "fixed", (2 * x, 0, 0))]
+    start = load_text(robot(*parts), tip=["left", "right"]).at(np.zeros(6))
+    box = sa.Target(sa.Bus(5, size=(0.4, 0.4, 0.4)))
+    held = sa.hold(start, box, dict(zip(start.arm.tips, start.tips, strict=True)))
+    assert held.report().kind == "closure"
+    assert HeldSession(held).readout()["kind"] == "closure"
 
 
 @pytest.mark.slow
