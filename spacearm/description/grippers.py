@@ -131,7 +131,7 @@ class _Grippers:
         if any(self._ends_in_hand(palm, branch) for branch in branches):
             return False
         names = [name for b in branches for name in (b.first.name, b.first.child)]
-        if any(is_finger(name, self._common) for name in names):
+        if any(is_finger(name, self._common) and not FIXED & set(words(name)) for name in names):
             return True
         if max(branch.freedoms for branch in branches) > MOST_JOINTS[len(branches) > 2]:
             return False
@@ -297,6 +297,8 @@ TIPS = (
 HANDS = frozenset({"flange", "attachment", "hand", "palm", "gripper", "grip", "grapple"})
 #: Words of what moves in a gripper, which may be run together with others.
 FINGERS = re.compile(r"finger|thumb|jaw|claw|knuckle|phalanx|pincer")
+#: Words of a finger that does not move beside its palm; the joint before it is one of a wrist.
+FIXED = frozenset({"fixed", "static", "stationary"})
 #: Words of fingers beside a thumb; alone they say nothing, but no tip of an arm has them.
 DIGITS = frozenset({"index", "middle", "ring", "little", "pinky", "pinkie"})
 #: Words of joints that open and close a gripper, unless the joint turns a wrist.

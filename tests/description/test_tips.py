@@ -458,6 +458,16 @@ def test_a_wrist_is_no_jaw(wrist):
     assert arm.tip in ("hand", "last", "tool0")
 
 
+def test_a_wrist_that_turns_the_fixed_jaw_counts():
+    fixed_jaw = [
+        link("fixed_jaw", 0.1, (0.03, 0, 0), 1e-4 * np.eye(3)),
+        joint("turn", "l_4", "fixed_jaw", xyz=(0.1, 0, 0), axis=(1, 0, 0)),
+    ]
+    moving = finger("moving_jaw", "fixed_jaw", "revolute", slide(-0.2, 2), axis=(0, 1, 0))
+    arm = found(*ARM, *fixed_jaw, *moving)
+    assert (arm.n, arm.tip, list(arm.held)) == (5, "fixed_jaw", ["drive_moving_jaw"])
+
+
 BOOM = [link("boom", 300.0, (8, 0, 0)), joint("root", "bus", "boom")]
 
 

@@ -192,7 +192,7 @@ class _Reader:
                 source.fail(
                     f"{describe(gearbox)} couples the turns of {turning[0]!r} and {turning[1]!r} "
                     f"beside {base!r}, which no hinge joins",
-                    "join each to it by one revolute joint",
+                    "join each to it by one revolute joint, or leave the gearbox out",
                 )
             joint, (direction, _) = forest.joints[hinge], self._direction(name, scope, gearbox, tag)
             along = joint.axis @ frames.pose(name, hinge, gearbox).rotation @ direction
