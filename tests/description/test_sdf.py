@@ -358,6 +358,37 @@ def test_an_included_urdf_is_a_nested_model(tmp_path):
     np.testing.assert_allclose(tip_at(arm, [0, 0]), [0, 0, 3], atol=1e-14)
 
 
+@pytest.mark.parametrize("heaviest", [0, 2, 4])
+def test_joints_that_lead_both_ways_hang_on_the_heaviest_root(heaviest, tmp_path):
+    """Of a row of five bodies, every other one a root."""
+    rng = np.random.default_rng(heaviest)
+    bodies = [
+        link(f"b{i}", 90.0 if i == heaviest else 1.0 + i, " ".join(map(str, rng.normal(size=6))))
+        for i in range(5)
+    ]
+    ends = [(0, 1), (2, 1), (2, 3), (4, 3)]
+    at = [f"<pose relative_to='b{max(ends)}'>0.1 0 0.2 0.3 0 0</pose>" for ends in ends]
+    rows = [joint(f"j{i}", f"b{a}", f"b{b}", pose=at[i]) for i, (a, b) in enumerate(ends)]
+    ordered = [(a, b) if abs(b - heaviest) > abs(a - heaviest) else (b, a) for a, b in ends]
+    wanted = [joint(f"j{i}", f"b{a}", f"b{b}", pose=at[i]) for i, (a, b) in enumerate(ordered)]
+    tip = "b0" if heaviest == 4 else "b4"
+    arm, same = (
+        load(sdf(model(*bodies, *x)), tmp_path, tip=tip, joints="all") for x in (rows, wanted)
+    )
+    assert arm.tree.root == same.tree.root == f"b{heaviest}"
+    sign = {f"j{i}": 1 if ends[i] == ordered[i] else -1 for i in range(4)}
+    q = {name: rng.uniform(-0.9, 0.9) for name in arm.joint_names}
+    cfg = arm.at(list(q.values()))
+    other = same.at([sign[name] * q[name] for name in same.joint_names])
+    np.testing.assert_allclose(cfg.tip, other.tip, atol=1e-13)
+    np.testing.assert_allclose(
+        sa.generalized_jacobian(cfg),
+        sa.generalized_jacobian(other)
+        @ np.array([[(n == m) * sign[n] for m in arm.joint_names] for n in same.joint_names]),
+        atol=1e-12,
+    )
+
+
 def test_what_is_wrong_in_an_included_file_is_said_of_it(tmp_path):
     (folder := tmp_path / "tool").mkdir()
     (folder / "tool.stl").write_bytes(b"solid a\nendsolid a\n")

@@ -102,8 +102,7 @@ class Forest:
         Each other one leads to a link of its own, without mass, where it holds that link. Before,
         joints are turned that lead to the robot from what it carries.
         """
-        while self._hang():
-            pass
+        self._hang()
         roots = sorted(self.roots(), key=lambda root: -len(self.behind(root)))
         after: dict[str, list[Joint]] = {}
         for joint in self.joints.values():
@@ -123,36 +122,47 @@ class Forest:
                     reached.add(end)
                     waiting.append(end)
 
-    def _hang(self) -> bool:
-        """Hang one root on a link that another one leads to, too, the lighter on the heavier.
+    def _hang(self) -> None:
+        """Hang roots on links that others lead to, too, the lighter root on the heavier one.
 
-        A root that is fixed to that link is held by it and stays.
+        A root that is fixed to such a link is held by it and stays.
         """
-        ways: dict[str, tuple[str, list[Joint]]] = {}
         after: dict[str, list[Joint]] = {link: [] for link in self.links}
         for joint in self.joints.values():
             after[joint.parent].append(joint)
+        into: dict[str, Joint] = {}
+        owner: dict[str, str] = {}
         for root in self.roots():
-            waiting = [root]
-            ways[root] = (root, [])
+            owner[root], waiting = root, [root]
             for link in waiting:
                 for joint in after[link]:
-                    mine = (root, [*ways[link][1], joint])
-                    theirs = ways.setdefault(joint.child, mine)
-                    if theirs is mine:
-                        waiting.append(joint.child)
-                    elif theirs[0] != root and not (_fixed(mine[1]) or _fixed(theirs[1])):
-                        self._turn(min(mine, theirs, key=lambda way: self._weight(way[0]))[1])
-                        return True
-        return False
+                    end = joint.child
+                    if end not in owner:
+                        owner[end], into[end] = root, joint
+                        waiting.append(end)
+                        continue
+                    mine, theirs = [*_way_to(link, into), joint], _way_to(end, into)
+                    tops = mine[0].parent, theirs[0].parent if theirs else end
+                    if tops[0] == tops[1] or _fixed(mine) or _fixed(theirs):
+                        continue
+                    if self._weight(tops[0]) <= self._weight(tops[1]):
+                        self._turn(mine, into)
+                    else:
+                        self._turn(theirs, into)
+                        into[end] = joint
 
     def _weight(self, root: str) -> float:
         """Return the mass of a root; what has none carries the others."""
         part = self.links[root]
         return part.mass if part and part.mass else math.inf
 
-    def _turn(self, way: Sequence[Joint]) -> None:
-        """Lead a row of joints from its last link to its first one."""
+    def _turn(self, way: Sequence[Joint], into: dict[str, Joint]) -> None:
+        """Lead a row of joints from its last link to its first one.
+
+        Args:
+            way: The joints.
+            into: The joint that leads to each link, which is kept up to date.
+        """
         for joint in way:
             there = joint.origin.inverse()
             if joint.movable:
@@ -160,6 +170,10 @@ class Forest:
                 self.join(joint.child, joint.parent, [back], there)
             else:
                 self.fix(joint.child, joint.parent, there, joint.name)
+            turned = self.joints[joint.name]
+            into[turned.child] = turned
+            if turned.child != joint.parent:  # `join` puts what is between last
+                into[joint.parent] = next(reversed(self.joints.values()))
 
     def _moved_by(self, joint: Joint) -> str:
         """Return the name of a joint, or of the movable one in a row of which it is the end."""
@@ -291,6 +305,15 @@ class Forest:
                 f"it: {listed(others)}"
             )
         return trees[0]
+
+
+def _way_to(link: str, into: Mapping[str, Joint]) -> list[Joint]:
+    """Return the joints from a root to a link."""
+    way = list[Joint]()
+    while link in into:
+        way.append(into[link])
+        link = way[-1].parent
+    return way[::-1]
 
 
 def _fixed(way: Sequence[Joint]) -> bool:
