@@ -34,7 +34,7 @@ import numpy as np
 
 from spacearm.arrays import Array, Booleans, Integers
 from spacearm.polynomial.jets import Jets, stacked
-from spacearm.polynomial.tubes import ROUNDING, Tubes
+from spacearm.polynomial.tubes import EPS, ROUNDING, Tubes
 
 #: Boxes that are tried at a time at most and at least, and in how many times a budget is spent: the
 #: fewer at a time, the more of those that are nearest.
@@ -195,7 +195,8 @@ class Roots:
             inside: u in the boxes, which is not positive where a box counts; all of it if None.
 
         Returns:
-            (m,) whether it is proven, and (m, n) what the width of each joint takes.
+            (m,) whether it is proven, and (m, n) what the width of each joint takes, in all as much
+            as in the best trial, as a share of the value.
         """
         own, p = self.expanded(centre, half), len(self.polynomials)
         trials = [(own, own.normalised(np.eye(p)[[i]])) for i in range(p)]
@@ -208,11 +209,14 @@ class Roots:
                 a[:, p] = np.maximum(a[:, p], 0.0)
                 trials.append((both, a))
         proven, taken = np.zeros(len(centre), dtype=bool), np.zeros_like(half)
+        least = np.full(len(centre), np.inf)
         for functions, a in trials:
             bound, by_joint = functions.least(a)
             proven |= bound > 0.0
-            taken += by_joint / np.maximum(by_joint.sum(axis=1), 1.0)[:, None]
-        return proven, taken
+            total = by_joint.sum(axis=1)
+            least = np.minimum(least, total)
+            taken += by_joint / np.maximum(total, 1.0)[:, None]
+        return proven, taken * (least / np.maximum(taken.sum(axis=1), EPS))[:, None]
 
 
 class Proof(NamedTuple):

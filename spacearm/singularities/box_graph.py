@@ -1,9 +1,9 @@
 """Free boxes as a graph: what can be covered of the regular configurations, and ways through it.
 
 The range of the joints is halved again and again along the joint that the proof takes most of
-(`polynomial.free_regions`), the largest cells first. Cells that are proven free are the boxes. Two
-boxes that share a part of a face are joined: a way from one to the other through that part meets no
-singular configuration, and needs no further proof.
+(`polynomial.free_regions`), the largest cells first, of these those whose proof lacks least. Cells
+that are proven free are the boxes. Two boxes that share a part of a face are joined: a way from one
+to the other through that part meets no singular configuration, and needs no further proof.
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ from spacearm.singularities.joint_boxes import TURN, minors_for_proofs, range_al
 
 #: Cells that are tried at a time.
 BATCH = 4096
+#: How much less a cell is worth than its volume the more the proof lacks: a power.
+HOPELESS = 0.4
 #: Share of the volume that is covered by default, and the largest number of cells.
 SHARE, MOST = 0.99, 1_000_000
 #: Gap up to which two boxes share a face [rad, m].
@@ -400,7 +402,7 @@ def _covered(
     most: int,
     progress: Progress | None,
 ) -> tuple[Cells, bool]:
-    """Halve cells that are not proven free, the largest first, until enough is.
+    """Halve cells that are not proven free, the most promising first, until enough is.
 
     Returns:
         The cells, and whether Ctrl-C has stopped it.
@@ -408,38 +410,43 @@ def _covered(
     origin = 0.5 * (cells.low[0] + cells.high[0])
     roots = Roots(minors, origin, unit, *((c[0] - origin) / unit for c in cells[:2]))
     size = np.where(cells.high[0] > cells.low[0], cells.high[0] - cells.low[0], 1.0)
-    size = np.where(roots.relevant, size, 1.0)
-    volume = np.where(roots.relevant, (cells.high - cells.low) / size, 1.0).prod(axis=1)
-    done = float(volume[cells.free].sum())
-    open_ = np.flatnonzero((cells.child < 0) & ~cells.free)
-    sizes, count = volume[open_], len(volume)
+    count = len(cells.low)
     low, high, child, free = _with_room(cells, max(most - count, 0))
+
+    def volume(at: Integers) -> Array:
+        return np.asarray(np.where(roots.relevant, (high[at] - low[at]) / size, 1.0).prod(axis=1))
+
+    done = float(volume(np.flatnonzero(cells.free)).sum())
+    new = np.flatnonzero((cells.child < 0) & ~cells.free)
+    open_, along, worth = new[:0], new[:0], np.empty(0)
     stopped = False
     try:
-        while open_.size and done < share:
-            order = np.argpartition(-sizes, min(BATCH, open_.size - 1))
-            now, later = order[:BATCH], order[BATCH:]
-            chosen, left, left_sizes = open_[now], open_[later], sizes[later]
-            centre = (0.5 * (low[chosen] + high[chosen]) - origin) / unit
-            half = 0.5 * (high[chosen] - low[chosen]) / unit
-            proven, taken = roots.free(centre, half * (1.0 + ROUNDING))
-            split, along = chosen[~proven], taken[~proven].argmax(axis=1)
-            if count + 2 * len(split) > most:
-                break
-            free[chosen[proven]] = True
-            done += float(sizes[now][proven].sum())
-            if progress:
-                progress(min(count, most), most)
-            first = count + 2 * np.arange(len(split))
+        while new.size and done < share:
+            for at in np.array_split(new, range(BATCH, len(new), BATCH)):
+                centre = (0.5 * (low[at] + high[at]) - origin) / unit
+                half = 0.5 * (high[at] - low[at]) / unit
+                proven, taken = roots.free(centre, half * (1.0 + ROUNDING))
+                free[at[proven]] = True
+                done += float(volume(at[proven]).sum())
+                lack = np.maximum(taken.sum(axis=1), 1.0) ** HOPELESS
+                open_ = np.concatenate((open_, at[~proven]))
+                along = np.concatenate((along, taken.argmax(axis=1)[~proven]))
+                worth = np.concatenate((worth, (volume(at) / lack)[~proven]))
+                if progress:
+                    progress(min(count, most), most)
+            some = min(BATCH, (len(open_) + 3) // 4, max(most - count, 0) // 2)
+            order = np.argpartition(-worth, min(some, len(worth) - 1)) if some else open_[:0]
+            split, axis = open_[order[:some]], along[order[:some]]
+            later = order[some:]
+            open_, along, worth = open_[later], along[later], worth[later]
+            first = count + 2 * np.arange(some)
             child[split] = first
             for s in (0, 1):
                 low[first + s], high[first + s] = low[split], high[split]
-            middle = 0.5 * (low[split, along] + high[split, along])
-            high[first, along] = low[first + 1, along] = middle
-            count += 2 * len(split)
-            open_ = np.concatenate((left, first, first + 1))
-            halves = 0.5 * sizes[now][~proven]
-            sizes = np.concatenate((left_sizes, halves, halves))
+            middle = 0.5 * (low[split, axis] + high[split, axis])
+            high[first, axis] = low[first + 1, axis] = middle
+            count += 2 * some
+            new = np.concatenate((first, first + 1))
     except KeyboardInterrupt:
         stopped = True
         child[child >= count] = -1  # halved, but not counted yet

@@ -110,6 +110,14 @@ def test_after_ctrl_c_there_is_what_was_covered_and_it_goes_on(after, planar):
     assert whole.part_shares == pytest.approx(planar.part_shares, abs=1e-12)
 
 
+def test_no_cell_is_left_untried(planar):
+    """Trying them again finds no more that are free."""
+    first = sa.free_boxes(planar.arm, within=ENDLESS, most=200)
+    assert 0.5 < first.share < planar.share
+    again = sa.free_boxes(planar.arm, so_far=first, most=200)
+    assert again.share == first.share
+
+
 def test_a_share_that_cannot_be_is_named():
     with pytest.raises(sa.ConfigurationError, match=r"share is 1\.5"):
         sa.free_boxes(sa.load("planar2"), share=1.5)
