@@ -426,19 +426,21 @@ class HandsApproach(Approach):
         carrying, why = held.carrying, ""
         seen = kinematics(carrying.of_target, held.q.copy(), pin.SE3.Identity())
         twist = seen.J[:, 6:] @ dq
-        for duration in BRAKES:
-            piece = stopping(seen.tip, twist, duration)
+        start = carrying.start
+        for duration in BRAKES:  # in units of which time is counted while the joints are led
             led, last, _ = following.rows_along(
-                carrying.start, [piece], 1.0,
+                start.with_momentum(duration * start.momentum),
+                [stopping(seen.tip, duration * twist)], 1.0,
                 lambda at, piece: TargetCurve(
                     carrying, at, piece, FLOATING, self.constraints.limits, "spacecraft"
                 ),
                 None,
             )  # fmt: skip
             if last.kind != "arrived":
-                why = f"braking in {duration:g} s ends at a {last.kind} after {last.t:.3g} s"
+                after = duration * led.s[-1]
+                why = f"braking in {duration:g} s ends at a {last.kind} after {after:.3g} s"
                 break
-            brake = closed_braking(carrying, led)
+            brake = closed_braking(carrying, led, duration)
             faster = float((np.abs(brake.dq) / rates).max())
             near, (force, moment) = float(brake.closure_distance.min()), brake.borne
             torque = float((np.abs(brake.torque) / self.efforts).max())
@@ -456,41 +458,49 @@ class HandsApproach(Approach):
         raise NoSolutionError(why)
 
 
-def stopping(pose: pin.SE3, twist: Array, duration: float) -> following.Segment:
-    """Return the screw along which what moves comes to rest, over the time.
+def stopping(pose: pin.SE3, way: Array) -> following.Segment:
+    """Return the screw along which what moves comes to rest, over the share of the time.
 
     Args:
         pose: Where it is.
-        twist: (6,) how it moves, [velocity of its frame's origin; angular velocity].
-        duration: How long it takes [s].
+        way: (6,) how far it would move meanwhile, [that of its frame's origin; turn].
     """
 
-    def along(t: float) -> pin.SE3:
-        s = min(t / duration, 1.0)
-        way = duration * (s - s**3 + 0.5 * s**4) * twist
-        return pin.SE3(pin.exp3(way[3:]) @ pose.rotation, pose.translation + way[:3])
+    def along(s: float) -> pin.SE3:
+        s = min(s, 1.0)
+        done = (s - s**3 + 0.5 * s**4) * way
+        return pin.SE3(pin.exp3(done[3:]) @ pose.rotation, pose.translation + done[:3])
 
-    def rate(t: float) -> Array:
-        s = min(t / duration, 1.0)
-        return (1.0 - 3.0 * s**2 + 2.0 * s**3) * twist
+    def rate(s: float) -> Array:
+        s = min(s, 1.0)
+        return (1.0 - 3.0 * s**2 + 2.0 * s**3) * way
 
-    return following.Segment(duration, along, rate, False)
+    return following.Segment(1.0, along, rate, False)
 
 
-def closed_braking(carrying: Carrying, led: following.Led) -> ClosedBraking:
-    """Return the braking along rows of arms that hold a target, with its torques and wrenches."""
-    rows, none = led.rows, np.zeros((len(carrying.grasps), 6))
+def closed_braking(carrying: Carrying, led: following.Led, duration: float) -> ClosedBraking:
+    """Return the braking with its torques and wrenches.
+
+    Args:
+        carrying: The arms with the target, with the momentum of both.
+        led: The rows over the share of the time.
+        duration: How long it takes [s].
+    """
+    momentum, none = carrying.start.momentum, np.zeros((len(carrying.grasps), 6))
+    rows = [cfg.with_momentum(momentum) for cfg in led.rows]
+    dq, ddq = led.dq / duration, led.ddq / duration**2
     torque, wrench = list[Array](), list[Array]()
-    for cfg, dq, ddq in zip(rows, led.dq, led.ddq, strict=True):
-        tau = inverse_dynamics(cfg, dq, ddq).tau
-        state = closed_state(carrying, cfg, generalized_velocity(cfg, dq), tau, none)
+    for cfg, rates, change in zip(rows, dq, ddq, strict=True):
+        tau = inverse_dynamics(cfg, rates, change).tau
+        state = closed_state(carrying, cfg, generalized_velocity(cfg, rates), tau, none)
         turns = np.array([tip.rotation for tip in cfg.tips])
         torque.append(state.tau)
         wrench.append((state.wrenches.reshape(-1, 2, 3) @ turns).ravel())
     gaps = carrying.account(rows)
     return ClosedBraking(
-        arm=carrying.arm, t=led.s, **samples(rows), **carried_along(carrying.start, len(rows)),
-        dq=led.dq, ddq=led.ddq, torque=np.array(torque), wrench=np.array(wrench),
+        arm=carrying.arm, t=duration * led.s, **samples(rows),
+        **carried_along(carrying.start, len(rows)),
+        dq=dq, ddq=ddq, torque=np.array(torque), wrench=np.array(wrench),
         gap=gaps["gap"], gap_angle=gaps["gap_angle"],
         closure_distance=np.array([carrying.distance(cfg, FLOATING) for cfg in rows]),
     )  # fmt: skip
