@@ -248,13 +248,18 @@ class _Grippers:
         return np.vstack(found)
 
     def _hinged(self, joint: Joint) -> bool:
-        """Whether a joint opens and closes: less than half a turn, what it moves off its axis."""
+        """Whether a joint opens and closes: less than half a turn, what it moves off its axis.
+
+        Of one that is named so, limits may be such as say nothing.
+        """
         if joint.kind == "prismatic":
             return math.isfinite(joint.upper - joint.lower)
         body = self._tree.bodies[joint.child]
         lever = body.origin.translation
         beside = np.linalg.norm(np.cross(joint.axis, lever)) > 0.1 * np.linalg.norm(lever)
-        return joint.upper - joint.lower < math.pi and (body.mass == 0.0 or bool(beside))
+        if joint.upper - joint.lower >= math.pi:
+            return grasps(joint.name, self._common) and body.mass > 0.0 and bool(beside)
+        return body.mass == 0.0 or bool(beside)
 
     def _coupled(self, branches: Sequence[_Branch]) -> bool:
         """Whether all joints of two branches move as one joint of theirs does."""

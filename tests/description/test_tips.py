@@ -288,6 +288,10 @@ GRIPPERS = {
             "b", "a", inside=slide(0, 0.1, MIMIC.replace("-1", "2")), axis=(0, -1, 0), xyz=(0, 0, 0)
         ),
     ],
+    "one jaw by its joint, with limits that say nothing": [
+        link("part", 0.05, (0.03, 0.01, 0), 1e-5 * np.eye(3)),
+        joint("gripper", "l_4", "part", xyz=(0.05, 0, 0), axis=(0, 1, 0), inside=slide(-6.3, 6.3)),
+    ],
     "one jaw by its joint": [
         link("part", 0.05, (0.03, 0.01, 0), 1e-5 * np.eye(3)),
         joint("gripper", "l_4", "part", xyz=(0.05, 0, 0), axis=(0, 1, 0), inside=slide(-0.2, 2)),
