@@ -436,6 +436,12 @@ def test_what_floats_is_not_joined(kind, tmp_path):
     assert (arm.n, arm.mass) == (1, 51.0)
 
 
+def test_constraints_of_drake_are_left_out_and_said(tmp_path):
+    tie = "<drake:ball_constraint><drake:ball_constraint_body_A>bus</drake:ball_constraint_body_A>"
+    with pytest.warns(sa.ModelWarning, match=r"<drake:ball_constraint> .line 3. is left out"):
+        assert load(sdf(model(BUS, ARM, ELBOW, f"{tie}</drake:ball_constraint>")), tmp_path).n == 1
+
+
 def test_mimic_joints_of_drake_follow(tmp_path):
     follows = "<drake:mimic joint='elbow' multiplier='-2' offset='0.1'/>"
     hand = link("hand", pose="2 0 0 0 0 0")

@@ -274,9 +274,14 @@ class Source:
         if own := etree.QName(root).namespace:
             for element in root.iter(f"{{{own}}}*"):
                 element.tag = etree.QName(element).localname
-        for element in root.iter(*(f"{{*}}{tag}" for tag in DRAKES)):
-            if element.prefix == DRAKE:
-                element.tag = etree.QName(element).localname
+        for element in root.iter(etree.Element):
+            if element.prefix == DRAKE and (tag := etree.QName(element).localname) in DRAKES:
+                element.tag = tag
+            elif element.prefix == DRAKE and tag.endswith("_constraint"):
+                self.warn(
+                    f"<drake:{tag}> ({line_of(element)}) is left out: what it ties together is "
+                    "taken as free"
+                )
         return root
 
     def named(self, robot: etree._Element, tag: str) -> dict[str, etree._Element]:
