@@ -331,6 +331,10 @@ class HandsApproach(Approach):
             raise NoSolutionError(NO_WAY)
         among = replace(self.constraints, wheels=None)
         reach = plan(self.start, goals, constraints=among, search=look)
+        slowly = min(stands, self.duration[0])  # as the tips take up the target's motion then
+        still = len(reach) > 1 and not any(obstacle.moves for obstacle in reach.obstacles)
+        if still and self._in_time(reach, stands).t[-1] < slowly:
+            reach = replace(reach, t=reach.t / reach.t[-1] * slowly)
         if self._met(self._in_time(reach, stands), stands):
             raise NoSolutionError("the way to the stand-off meets the target")
         return self._caught(t, grapple, reach)

@@ -158,7 +158,7 @@ def test_what_both_grapples_bear_changes_the_momentum_of_the_target(caught):
 
 @pytest.mark.slow
 def test_weaker_grapples_are_braked_more_slowly(caught, start):
-    """By the limit, and longer; by one below what the tumbling alone takes, not at all."""
+    """Within the limit, and longer, from the same rates on."""
     quick = caught.brake
 
     def braked(bears) -> sa.Motion:
@@ -172,8 +172,6 @@ def test_weaker_grapples_are_braked_more_slowly(caught, start):
     assert (slow.borne <= 0.3 * quick.borne).all()
     assert max(slow.gap.max(), slow.gap_angle.max()) < 1e-9
     np.testing.assert_allclose(slow.dq[0], quick.dq[0], rtol=0, atol=1e-7)
-    with pytest.raises(sa.NoSolutionError, match="of a grapple"):
-        braked(1e-3 * quick.borne)
 
 
 @pytest.mark.slow
