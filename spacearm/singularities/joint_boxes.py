@@ -50,6 +50,8 @@ FEW, DESCENTS, DESCENT = 64, 6, 12
 ON_THE_SET = 1e-9
 #: Half width of cells that are not halved.
 NARROW = 1e-7
+#: Parts of a way to a root, of which the first with a change of sign is divided in turn; how often.
+PARTS, SECTIONS = 64, 10
 TURN = 2.0 * np.pi
 
 Side = Literal["lower", "upper"]
@@ -685,8 +687,10 @@ class Growth:
     def between(self, x: Array, low: Array, high: Array, side: tuple[int, int] | None) -> Array:
         """Return the root between x (n,), where the sign is another, and that side."""
         here, there = self.clipped(x[None], low, high, side)[0], x
-        for _ in range(60):
-            middle = 0.5 * (here + there)
-            other = self.region.values(middle[None])[0] * self.sign < 0.0
-            here, there = (here, middle) if other else (middle, there)
+        for _ in range(SECTIONS):
+            way = here + np.linspace(0.0, 1.0, PARTS + 1)[:, None] * (there - here)
+            other = self.region.values(way[1:]) * self.sign < 0.0
+            other[-1] = True
+            first = int(np.argmax(other))
+            here, there = way[first], way[first + 1]
         return there
