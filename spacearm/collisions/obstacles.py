@@ -86,14 +86,16 @@ class Drifting(NamedTuple):
     Attributes:
         pose: Its pose at time 0.
         twist: (6,) velocity of its origin [m/s] and angular velocity [rad/s], inertial axes.
+        begin: Its time when the motion begins [s].
     """
 
     pose: pin.SE3
     twist: Array
+    begin: float
 
     def frames(self, t: float) -> Sequence[pin.SE3]:
         """Return the pose at a time."""
-        v, w = self.twist[:3], self.twist[3:]
+        v, w, t = self.twist[:3], self.twist[3:], self.begin + t
         return (pin.SE3(pin.exp3(t * w) @ self.pose.rotation, self.pose.translation + t * v),)
 
     def moved(self, part: Part | Body, t0: float, t1: float) -> float:
@@ -129,13 +131,15 @@ class Moving:
 
     Attributes:
         motion: The motion.
+        begin: Its time when that of the arm begins [s].
     """
 
     motion: Motion
+    begin: float
 
     def frames(self, t: float) -> Sequence[pin.SE3]:
         """Return the poses of the joint frames at a time."""
-        return joint_frames(self.motion.at(t))
+        return joint_frames(self.motion.at(self.begin + t))
 
     def moved(self, part: Part | Body, t0: float, t1: float) -> float:
         """Return the way by the spacecraft's motion and by that of the joints."""
@@ -143,7 +147,7 @@ class Moving:
         way = origin + part.far * turn
         for joint, length in part.reach.items():
             way = way + length * joints[:, joint - 2]
-        ends = np.interp((t0, t1), self.motion.t, way)
+        ends = np.interp((self.begin + t0, self.begin + t1), self.motion.t, way)
         return float(abs(ends[1] - ends[0]))
 
     @cached_property
@@ -184,7 +188,7 @@ class Obstacle:
         along: The motion that carries it with its spacecraft, or the motion of the robot itself.
         posture: The configuration of a robot that does not move.
         target: The target that it is.
-        begin: Time of the target when the motion begins [s].
+        begin: Its own time when the motion begins [s].
         margin: Distance that every body must keep from it [m].
         may_touch: Links of the arm that are not held off, such as the hand that is to grasp it.
     """
@@ -372,13 +376,13 @@ class Obstacle:
     def motion(self) -> ObstacleMotion:
         """What moves its frames."""
         if self.along is not None:
-            return Moving(self.along)
+            return Moving(self.along, self.begin)
         if self.target is not None:
             return Tumbling(self.target, self.begin)
         if self.posture is not None:
             return Still(tuple(joint_frames(self.posture)))
         if self.twist.any():
-            return Drifting(self.pose, self.twist)
+            return Drifting(self.pose, self.twist, self.begin)
         return Still((self.pose,))
 
     def poses(self, t: float) -> list[pin.SE3]:

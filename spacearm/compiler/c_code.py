@@ -93,7 +93,8 @@ class Code:
         The variables w0, w1, ... and, of masks, m0, m1, ... hold what is still needed, and are used
         again. `place` has the text of each expression.
         """
-        steps = tape.needed(o for _, o in outputs)
+        wanted = [o for _, o in outputs]
+        steps = _in_depth(tape.needed(wanted), wanted)
         last = {o.number: step for step, e in enumerate(steps) for o in e.expressions()}
         last |= {o.number: len(steps) for _, o in outputs if isinstance(o, Expression)}
         free: dict[str, list[str]] = {"w": [], "m": []}
@@ -194,6 +195,28 @@ def elements(shapes: Mapping[str, tuple[int, ...]], before: str = "") -> list[st
         f"{before}{name}{''.join(f'[{i}]' for i in index)}"
         for name, shape in shapes.items() for index in np.ndindex(shape)
     ]  # fmt: skip
+
+
+def _in_depth(steps: Sequence[Expression], outputs: Sequence[Operand]) -> list[Expression]:
+    """Return steps output by output, of two operands the one that holds more numbers first.
+
+    So few numbers are held at a time, and more of them in the registers of a processor: Sethi &
+    Ullman, J. ACM 17(4), 715-728 (1970), DOI 10.1145/321607.321620.
+    """
+    holds: dict[int, int] = {}
+    for e in steps:
+        most = sorted({o.number: holds[o.number] for o in e.expressions()}.values(), reverse=True)
+        holds[e.number] = max((i + one for i, one in enumerate(most)), default=1)
+    found: dict[int, Expression] = {}
+    waiting = [(o, False) for o in reversed(outputs) if isinstance(o, Expression)]
+    while waiting:
+        e, ready = waiting.pop()
+        if ready:
+            found[e.number] = e
+        elif e.number not in found:
+            operands = sorted(e.expressions(), key=lambda o: holds[o.number])
+            waiting += [(e, True), *((o, False) for o in operands)]
+    return list(found.values())
 
 
 def _text(operand: Operand, place: Mapping[int, str]) -> str:

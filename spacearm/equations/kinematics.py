@@ -335,13 +335,13 @@ def slopes(xp: Any, tree: Structure, at: Posture, force: Any, ways: Iterable[Any
     found = []
     for way in ways:
         rates = (tree.gains @ way)[:, None]
-        twists = [base_twist(xp, tree, at, -(rates * at.P).sum(axis=0)[:, None])[:, 0]]
-        for i, inner in enumerate(tree.parents[1:]):
-            twists.append(twists[inner] + rates[i] * s[i])
-        below = [np.zeros(6)] * len(twists)
+        below = [np.zeros(6)] * len(tree.parents)
         for i in range(len(s), 0, -1):
             inner = tree.parents[i]
             below[inner] = below[inner] + (below[i] + rates[i - 1] * at.P[i - 1])
+        twists = [base_twist(xp, tree, at, -below[0][:, None])[:, 0]]
+        for i, inner in enumerate(tree.parents[1:]):
+            twists.append(twists[inner] + rates[i] * s[i])
         tips = xp.stack([twists[body] for body in tree.tips])
         v, w = tips[:, :3] + xp.cross(tips[:, 3:], r), tips[:, 3:]
         lever = tree.reaches.T @ (xp.cross(linear, v) + xp.cross(angular, w))

@@ -331,8 +331,7 @@ class Approach:
         rows = samples([placed(start, *row) for row in zip(Q, T, strict=True)])
         for part in (slice(-2, None), slice(None)) if self.constraints.collisions else ():
             way = Motion(start.arm, clock[part], rows["q"][part], rows["base"][part])
-            around = self._as_obstacle(t - float(clock[-1]))
-            if contact_on(way, around):
+            if contact_on(way, self._around(t - float(clock[-1]))):
                 return True
         return False
 
@@ -348,26 +347,26 @@ class Approach:
         most, step = self.constraints.joint_rates(self.start.arm), float(clock[1])
         T = np.array([attitudes(start, np.stack((start.q, q)))[-1] for q in Q])
         share, rows, turns = np.zeros(len(Q)), [Q], [T]
-        for frame, b in zip(frames, joined, strict=True):
+        at = reactions(arm, Q)
+        rest, origin = T @ at.R, start.com + (T @ at.r[..., None])[..., 0]
+        for frame, b in zip(frames[1:], joined[1:], strict=True):
             q, T = rows[-1], turns[-1]
             at = reactions(arm, q)
             R, r = T @ at.R, start.com + (T @ at.r[..., None])[..., 0]
-            if frame is frames[0]:
-                rests = R, r
-            back = np.swapaxes(rests[0], 1, 2)
-            wanted = rests[0] @ rotations_of(b * rotation_vectors(back @ frame.rotation))
+            back = np.swapaxes(rest, 1, 2)
+            wanted = rest @ rotations_of(b * rotation_vectors(back @ frame.rotation))
             turn = rotation_vectors(wanted @ np.swapaxes(R, 1, 2))
-            way = (1.0 - b) * rests[1] + b * frame.translation - r
+            way = (1.0 - b) * origin + b * frame.translation - r
             twist = (np.stack((way, turn), axis=1) @ T).reshape(-1, 6, 1)  # spacecraft axes
             dq = (np.linalg.pinv(at.J) @ twist)[..., 0]
             share = np.maximum(share, (np.abs(dq) / most).max(axis=1) / step)
             rows.append(q + dq)
             turns.append(T @ rotations_of((at.A @ dq[..., None])[..., 0]))
-        ways = np.stack(rows[1:], axis=1)  # the first step is none
+        ways = np.stack(rows, axis=1)
         if self.constraints.limits:
             beyond = (ways < arm.lower) | (ways > arm.upper)
             share[beyond.any(axis=(1, 2))] = math.inf
-        return share, ways, np.stack(turns[1:], axis=1)
+        return share, ways, np.stack(turns, axis=1)
 
     def _caught(self, t: float, grapple: str, reach: Plan) -> Catch:
         """Return the catch at a time by a grapple frame, from a plan to about the stand-off.
@@ -427,13 +426,11 @@ class Approach:
             tried=(),
         )
 
-    def _planned(self, goal: pin.SE3 | Joints, search: Search) -> PlanRequest:
-        """Return what is asked of a plan to the stand-off."""
-        start, constraints = self.start, self.constraints
-        return PlanRequest.of(start, goal, "spacecraft", constraints, search, (), None, None)
+    def _straight(self, goal: Joints, lasts: float, t: float, search: Search) -> Plan:
+        """Return the plan of a straight joint motion until a time t.
 
-    def _straight(self, goal: Joints, lasts: float, search: Search) -> Plan:
-        """Return the plan of a straight joint motion that lasts so long [s], longer if it must."""
+        It lasts so long [s], longer if it must.
+        """
         way = np.asarray(goal.q) - self.start.q
         u = np.linspace(0.0, 1.0, 1 + max(1, math.ceil(np.abs(way).max() / STEP)))
 
@@ -442,19 +439,22 @@ class Approach:
             found = by_methods(Problem.of(request), {"straight": lambda _: rows})
             return stretched(found, lasts, request.account) if found.t[-1] < lasts else found
 
-        request = self._planned(goal, replace(search, method="auto"))
+        own = replace(self.constraints, obstacles=self._others(t - lasts))
+        look = replace(search, method="auto")
+        request = PlanRequest.of(self.start, goal, "spacecraft", own, look, (), None, None)
         return attitude_held(request, floating) if self.wheels else floating(request)
 
     def _reach(self, goal: pin.SE3 | Joints, t: float, search: Search) -> Plan:
         """Return the plan to the stand-off, until a time; it minds the target if it has to."""
-        if self.moving:
+        joints = isinstance(goal, Joints)
+        if self.moving or (not joints and any(one.moves for one in self._others())):
             return self._planned_among(goal, t, t, search)
-        if isinstance(goal, Joints):
+        if joints:
             for lasts in (min(t, self.duration[0]), t):  # as late as may be, then from time 0 on
-                reach = self._in_time(self._straight(goal, lasts, search), t)
+                reach = self._in_time(self._straight(goal, lasts, t, search), t)
                 if not self._met(reach, t):
                     return reach
-            raise NoSolutionError("the straight way to the stand-off meets the target")
+            raise NoSolutionError("the straight way to the stand-off meets what moves")
         reach = plan(self.start, goal, mode=self.mode, constraints=self.constraints, search=search)
         if not self._met(self._in_time(reach, t), t):
             return reach
@@ -469,15 +469,15 @@ class Approach:
         return reach
 
     def _met(self, reach: Plan, t: float) -> bool:
-        """Return whether the arm meets the target on a way that ends at a time, or before it."""
+        """Return whether the arm meets anything on a way that ends at a time, or before it."""
         if not self.constraints.collisions:
             return False
         begin = t - float(reach.t[-1])
-        return begin > self.rests_until or contact_on(reach, self._as_obstacle(begin)) is not None
+        return begin > self.rests_until or contact_on(reach, self._around(begin)) is not None
 
     def check_start(self) -> None:
-        """Refuse a start at which the target is met at once."""
-        if self.constraints.collisions and (met := contact_on(self.start, self._as_obstacle(0.0))):
+        """Refuse a start at which the target, or an obstacle, is met at once."""
+        if self.constraints.collisions and (met := contact_on(self.start, self._around(0.0))):
             raise NoSolutionError(
                 f"at time 0 {met}; move the start or the target, or name links that may touch it "
                 "by touching=[...]"
@@ -485,13 +485,13 @@ class Approach:
 
     @cached_property
     def rests_until(self) -> float:
-        """Time [s] until which the target does not meet the arm at rest at the start."""
+        """Time [s] until which nothing meets the arm at rest at the start."""
         end = self.window[1] if self.constraints.collisions else 0.0
         while end > 1e-3 * self.window[1]:
             row = samples([self.start] * 2)
             contact = contact_on(
                 Motion(self.start.arm, np.array([0.0, end]), row["q"], row["base"]),
-                self._as_obstacle(0.0),
+                self._around(0.0),
             )
             if contact is None:
                 return end
@@ -504,8 +504,7 @@ class Approach:
         """Return a plan until a time t that lasts so long [s] and holds the target off."""
         among = self.constraints
         if among.collisions:
-            kept = obstacles_of(among.obstacles, self.start.arm)
-            among = replace(among, obstacles=(*kept, self._as_obstacle(t - duration)))
+            among = replace(among, obstacles=self._around(t - duration))
         return plan(
             self.start, goal, duration=duration, mode=self.mode, constraints=among, search=search
         )
@@ -557,9 +556,15 @@ class Approach:
                 raise NoSolutionError("it is not proven that the way meets no singularity")
         return least
 
-    def _as_obstacle(self, begin: float) -> Obstacle:
-        """Return the target as what must not be met by a motion that begins at a time."""
-        return Obstacle.of_target(self.target, begin=begin, may_touch=self.touching)
+    def _others(self, begin: float = 0.0) -> tuple[Obstacle, ...]:
+        """Return the obstacles besides the target, as a motion meets them that begins at a time."""
+        given = obstacles_of(self.constraints.obstacles, self.start.arm)
+        return tuple(replace(one, begin=one.begin + begin) for one in given)
+
+    def _around(self, begin: float) -> tuple[Obstacle, ...]:
+        """Return what must not be met by a motion that begins at a time, the target among it."""
+        target = Obstacle.of_target(self.target, begin=begin, may_touch=self.touching)
+        return (*self._others(begin), target)
 
     def _check_loads(self, what: str, loads: Array, most: Array) -> None:
         """Refuse what is more than joints can, (n,) each."""
@@ -570,10 +575,10 @@ class Approach:
             raise NoSolutionError(f"joint {name!r} would need {excess[j]:.3g} times its {what}")
 
     def _check_contacts(self, chase: Motion, t: float) -> None:
-        """Refuse a motion to contact at a time on which the target is met."""
+        """Refuse a motion to contact at a time on which anything is met."""
         if not self.constraints.collisions:
             return
-        contact = contact_on(chase, self._as_obstacle(begin := t - float(chase.t[-1])))
+        contact = contact_on(chase, self._around(begin := t - float(chase.t[-1])))
         if contact is not None:
             meet = f"{' and '.join(contact.links)} meet after {begin + contact.t:.4g} s"
             raise NoSolutionError(meet)

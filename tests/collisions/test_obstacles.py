@@ -148,7 +148,7 @@ def test_a_spacecraft_that_reacts_meets_what_one_that_is_held_does_not():
 
 def test_a_steady_twist_is_integrated():
     twist = np.array([0.1, -0.2, 0.3, 0.4, -0.5, 0.6])
-    drift = Drifting(at(1, 2, 3, turn=(0.2, 0.1, -0.3)), twist)
+    drift = Drifting(at(1, 2, 3, turn=(0.2, 0.1, -0.3)), twist, 0.5)
     (a,), (b,) = drift.frames(2.0), drift.frames(2.0 + 1e-6)
     np.testing.assert_allclose((b.translation - a.translation) / 1e-6, twist[:3], atol=1e-6)
     turn = pin.log3(b.rotation @ a.rotation.T) / 1e-6
@@ -161,8 +161,8 @@ def test_motions_move_points_no_farther_than_they_say(seed):
     robot = sa.load("mda6")
     poses = [pin.SE3ToXYZQUAT(at(*rng.normal(size=3), turn=rng.normal(size=3))) for _ in range(3)]
     motion = sa.Motion(robot, [0.0, 1.0, 3.0], rng.uniform(-1, 1, (3, 6)), poses)
-    moving = Moving(motion)
-    t0, t1 = np.sort(rng.uniform(-0.5, 3.5, 2))
+    moving = Moving(motion, begin := rng.uniform(-1.0, 1.0))
+    t0, t1 = np.sort(rng.uniform(-0.5, 3.5, 2)) - begin
     for body in Bodies(robot).all:
         body.shape.computeLocalAABB()
         point = body.pose.act(body.shape.aabb_center)

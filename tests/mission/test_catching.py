@@ -111,6 +111,35 @@ def test_an_arm_that_cannot_wait_begins_at_once():
         at_once.check_start()
 
 
+def test_obstacles_that_move_are_minded_when_they_are_there(caught):
+    """One that comes through the elbow while the arm waits; one that is on the way at its time."""
+    start, goal = sa.load("chaser7").at(START), sa.Joints([1.2, *START[1:]])
+
+    def request(target, box):
+        return Approach.of(
+            start, target, None, (10.0, 30.0), 0.2, 0.05, None, (np.inf, np.inf),
+            sa.Constraints(obstacles=[box]), "free-floating",
+        )  # fmt: skip
+
+    far, slow = caught.target.replace(pose=sa.pose((0, 0, 50))), (0, -0.15, 0, 0, 0, 0)
+    through = sa.Obstacle.box(0.3, sa.pose((3.2, 1.4, 1.0)), twist=slow, name="box")
+    waiting = request(far, through)
+    assert 5.0 < waiting.rests_until < 10.0
+    reach = waiting._reach(goal, 20.0, STRAIGHT)
+    assert reach.t[-1] == pytest.approx(20.0)
+    assert not sa.collision_check(reach, obstacles=through).contact
+    for passes in (caught.t, caught.t - caught.chase.t[-1] - 5.0):  # a spacecraft of a metre
+        origin = caught.chase[-1].base.translation + np.array([0.0, passes, 0.0])
+        fast = (0, -1.0, 0, 0, 0, 0)
+        box = sa.Obstacle.box(0.2, pin.SE3(np.eye(3), origin), twist=fast, name="box")
+        found = request(caught.target, box)
+        if passes < caught.t:
+            found._check_contacts(caught.chase, caught.t)
+        else:
+            with pytest.raises(sa.NoSolutionError, match=r"box.* meet after"):
+                found._check_contacts(caught.chase, caught.t)
+
+
 @pytest.mark.slow
 def test_the_distance_proven_is_no_more_than_what_a_search_finds(caught):
     """No posture nearer to the way than proven is found by the search of singular postures."""

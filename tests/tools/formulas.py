@@ -164,7 +164,7 @@ EQUATIONS = [
             ("(35) J*: linear momentum", "reaches * v + X[:3].T", "reaches * v - X[:3].T"),
             ("(35) J*: (34a) J11 acts as a cross product", "X[:3].T + xp.cross(angular, r)", "X[:3].T + xp.cross(r, angular)"),
             ("(33c) the spacecraft turns", "solve(xp, at.D, h[3:])", "solve(xp, at.D, -h[3:])"),
-            ("J* dq without J*", "-(rates * at.P).sum(axis=0)", "(rates * at.P).sum(axis=0)"),
+            ("J* dq without J*", "-below[0]", "below[0]"),
         )),
         ("measures", "export/test_equations mechanics/test_batch", (
             ("S = det(D) det(J*)", "found = found * (D * D if many else D)", "found = found * D * D"),
