@@ -163,6 +163,12 @@ def listed(names: Collection[str], of: int | None = None) -> str:
     return f"{first} and {rest:,} more" if rest > 0 else first
 
 
+def type_of(thing: object) -> str:
+    """Return what a thing is, with an article, as "an int"."""
+    name = type(thing).__name__
+    return f"{'an' if name[0] in 'AEIOaeio' else 'a'} {name}"
+
+
 def shortened(text: str, most: int = LONGEST) -> str:
     """Return a text, its middle left out where it is too long."""
     half = most // 2

@@ -67,6 +67,8 @@ def rest(*_):
         (lambda: sa.singular_map(arm(), ("q1", "q2", "q1")), "joints is .*; give 2 values"),
         (lambda: sa.singular_map(arm(), points=9.5), "points is 9.5"),
         (lambda: sa.workspace(arm(), effort=1.5), "effort is 1.5"),
+        (lambda: sa.Obstacle.robot(3), "made of an int; give"),
+        (lambda: sa.Obstacle.robot("arm"), "made of a str; give"),
         (lambda: sa.mount("ur5", 5), "bus is 5; give sa.Bus.* or a path"),
         (lambda: sa.DampedLeastSquares(target=(1, 1), threshold=0.0), "threshold is 0.0"),
         (lambda: sa.JointPD([0, 1], kp="a", kd=1)(0, arm().at([0, 1]), np.zeros(2)), "kp is 'a'"),

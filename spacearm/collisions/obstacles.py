@@ -20,7 +20,7 @@ from spacearm.collisions.bodies import Bodies, Body, extent
 from spacearm.collisions.solids import hull, link_solids, primitive
 from spacearm.collisions.swept_motion import helix
 from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere, Visuals, read_mesh
-from spacearm.errors import ConfigurationError, ModelError, require_known
+from spacearm.errors import ConfigurationError, ModelError, type_of, require_known
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
@@ -280,7 +280,7 @@ class Obstacle:
         """
         if not isinstance(thing, Configuration | Motion):
             raise ConfigurationError(
-                f"an obstacle cannot be made of a {type(thing).__name__}; give the configuration "
+                f"an obstacle cannot be made of {type_of(thing)}; give the configuration "
                 "or the motion of a robot"
             )
         moving = {"along": thing} if isinstance(thing, Motion) else {"posture": thing}
@@ -300,7 +300,7 @@ class Obstacle:
             ModelError: It has no shape, or one is faulty.
         """
         if not isinstance(target, Target):
-            raise ConfigurationError(f"target is a {type(target).__name__}; give a sa.Target")
+            raise ConfigurationError(f"target is {type_of(target)}; give a sa.Target")
         since = float(finite(begin, (), "begin", "of time [s]"))
         options = {"name": target.name} | options
         return cls._of("target", None, ORIGIN, options, target=target, begin=since)
@@ -455,7 +455,7 @@ def obstacles_of(given: object, arm: SpaceArm) -> tuple[Obstacle, ...]:
             thing = Obstacle.of_target(thing)
         if not isinstance(thing, Obstacle):
             raise ConfigurationError(
-                f"obstacles holds a {type(thing).__name__}; give sa.Obstacle.box(...), .sphere, "
+                f"obstacles holds {type_of(thing)}; give sa.Obstacle.box(...), .sphere, "
                 ".cylinder, .mesh or .robot, a sa.Target, or a configuration or motion of a robot"
             )
         require_known(f"link of {arm.name}", thing.may_touch, arm.tree.links)

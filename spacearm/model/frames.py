@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array, ArrayLike, finite, plain, shape_of
-from spacearm.errors import ConfigurationError
+from spacearm.errors import ConfigurationError, type_of
 from spacearm.signatures import checked
 
 #: Pinocchio's frame for twists and Jacobians: of the frame's origin, in inertial axes.
@@ -57,7 +57,7 @@ def sound_pose(pose: PoseLike, what: str) -> pin.SE3:
     if not isinstance(pose, pin.SE3):
         if shape_of(pose) != (4, 4):
             raise ConfigurationError(
-                f"{what} is a {type(pose).__name__}; give it as "
+                f"{what} is {type_of(pose)}; give it as "
                 "sa.pose(xyz=..., rpy=...), as pin.SE3(R, p) or as a (4, 4) matrix"
             )
         matrix = finite(pose, (4, 4), what, "[R, p; 0, 1]")

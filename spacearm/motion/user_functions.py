@@ -22,7 +22,7 @@ from spacearm.equations.dynamics import bias, inertia, unloaded
 from spacearm.equations.kinematics import Structure, jacobian_at
 from spacearm.equations.laws import Pose, State
 from spacearm.equations.plant import parts
-from spacearm.errors import UnsupportedError
+from spacearm.errors import UnsupportedError, type_of
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 
@@ -174,7 +174,7 @@ def _walk(value: Any, seen: set[int]) -> Iterator[tuple[str, Any]]:
                     yield from _walk(entry, seen)
         yield from _walk(vars(value), seen)
     else:
-        yield f"it uses a {type(value).__name__}, which may change", None
+        yield f"it uses {type_of(value)}, which may change", None
 
 
 def _referred(function: types.FunctionType) -> list[Any]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import pinocchio as pin
 
 from spacearm.collisions.obstacles import ObstacleLike
-from spacearm.errors import ConfigurationError
+from spacearm.errors import ConfigurationError, type_of
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.signatures import checked
@@ -75,7 +75,7 @@ def view(
     rule = next((rule for rule in RULES if rule.holds(thing)), None)
     if rule is None:
         raise ConfigurationError(
-            f"a {type(thing).__name__} cannot be shown; give {', '.join(r.what for r in RULES)}"
+            f"{type_of(thing)} cannot be shown; give {', '.join(r.what for r in RULES)}"
         )
     viewer = rule.show(thing)
     if obstacles:

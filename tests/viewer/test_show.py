@@ -215,7 +215,7 @@ def test_a_region_shows_its_first_singular_configuration(arm):
 @pytest.mark.parametrize("thing", ["planar2", None, 3, [1, 2], SimpleNamespace(arm=None)])
 def test_what_has_no_posture_is_refused(thing):
     message = (
-        f"a {type(thing).__name__} cannot be shown; give a SpaceArm, a Configuration, a motion "
+        f"an? {type(thing).__name__} cannot be shown; give a SpaceArm, a Configuration, a motion "
         r"\(with arm, t, q and base\), a Workspace, a singular set, feasible attitudes, "
         r"a Catch, a Held or its report, a Region, a result with a conf"
     )
