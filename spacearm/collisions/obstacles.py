@@ -20,7 +20,7 @@ from spacearm.collisions.bodies import Bodies, Body, extent
 from spacearm.collisions.solids import hull, link_solids, primitive
 from spacearm.collisions.swept_motion import helix
 from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere, Visuals, read_mesh
-from spacearm.errors import ConfigurationError, ModelError, type_of, require_known
+from spacearm.errors import ConfigurationError, ModelError, require_known, type_of
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
