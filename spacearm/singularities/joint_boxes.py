@@ -282,7 +282,7 @@ class Effort(NamedTuple):
     slab: int
 
 
-POLYNOMIALS = Effort(0.2, 400_000, 20_000)
+POLYNOMIALS = Effort(0.4, 400_000, 20_000)
 
 
 class Region(Protocol):
