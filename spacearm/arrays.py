@@ -190,7 +190,7 @@ def finite(values: object, shape: tuple[int, ...], name: str, meaning: str = "")
     except NO_NUMBERS:
         array = np.empty(0)
     if array.shape != shape or not (np.abs(array) <= LARGEST).all():
-        size = f"{shape[0]} finite numbers" if shape else "a finite number"
+        size = f"{shape[0]} finite number{'s' * (shape[0] != 1)}" if shape else "a finite number"
         size = f"a {shape} array of finite numbers" if len(shape) > 1 else size
         few = np.size(array) <= 36
         given = f"is {shown(values, 400)}" if few else f"has shape {np.shape(array)}"

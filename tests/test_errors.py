@@ -68,6 +68,7 @@ def rest(*_):
         (lambda: sa.singular_map(arm(), points=9.5), "points is 9.5"),
         (lambda: sa.workspace(arm(), effort=1.5), "effort is 1.5"),
         (lambda: arm().at([0, 1], base=1), "base is an int; give it as sa.pose"),
+        (lambda: sa.plan(arm().at([0, 1]), (1, 2, 3)), "goal is .*; give 2 finite numbers"),
         (lambda: sa.mount("ur5", 5), "bus is 5; give sa.Bus.* or a path"),
         (lambda: sa.DampedLeastSquares(target=(1, 1), threshold=0.0), "threshold is 0.0"),
         (lambda: sa.JointPD([0, 1], kp="a", kd=1)(0, arm().at([0, 1]), np.zeros(2)), "kp is 'a'"),

@@ -74,24 +74,26 @@ def steady(arm: SpaceArm) -> bool:
     return arm.task.singled_out <= {arm.tree.plane_normal()}
 
 
-def goal_pose(cfg: Configuration, goal: Goal) -> pin.SE3:
+def goal_pose(cfg: Configuration, goal: Goal, what: str = "target") -> pin.SE3:
     """Return the pose that a goal stands for; what a point leaves open is as the tip has it now.
+
+    Messages name it by `what`.
 
     Raises:
         ConfigurationError: The goal is no pose, and no point in the task's rows.
     """
     if isinstance(goal, pin.SE3) or shape_of(goal) == (4, 4):
-        return sound_pose(goal, "target")
+        return sound_pose(goal, what)
     rows, names = cfg.arm.task.indices, cfg.arm.task.names
     if max(rows) > 2:
         raise ConfigurationError(
-            f"target is {goal!r}; the task {names!r} takes a pose, as pin.SE3 or as a (4, 4) "
+            f"{what} is {goal!r}; the task {names!r} takes a pose, as pin.SE3 or as a (4, 4) "
             "matrix: sa.pose(xyz, rpy) makes one, and task='position' of sa.load takes points"
         )
     meaning = f"[m], one for each row of the task {names!r}, or a pin.SE3"
     pose, axes = cfg.tip, goal_axes(cfg)
     place = axes.T @ pose.translation
-    place[rows] = finite(goal, (len(rows),), "target", meaning)
+    place[rows] = finite(goal, (len(rows),), what, meaning)
     pose.translation = axes @ place
     return pose
 

@@ -101,7 +101,7 @@ class Problem:
             if isinstance(goal, Joints):
                 q = joint_vector(cfg.arm, goal.q, "goal")
             elif not aims:
-                tip = _reachable(cfg, goal_pose(cfg, goal), limits)
+                tip = _reachable(cfg, goal_pose(cfg, goal, "goal"), limits)
             target = Target(
                 tip=tip,
                 q=q,

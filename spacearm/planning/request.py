@@ -246,7 +246,7 @@ class PlanRequest:
         for name in cfg.arm.tips if self.goals else ():
             start = cfg.arm.replace(tip=name, joints=cfg.arm.joint_names).at(cfg.q, base=cfg.base)
             start = start.centred(cfg.com)
-            aims[name] = start, goal_pose(start, self.goals[name])
+            aims[name] = start, goal_pose(start, self.goals[name], "goal")
         return aims
 
     @property
@@ -264,7 +264,7 @@ class PlanRequest:
         start = arm.at(self.start.q, base=self.start.base)
         goals = {name: back * pose for name, (_, pose) in self.aims.items()}
         if not isinstance(goal, Joints) and not goals:
-            goal = back * goal_pose(start, goal)
+            goal = back * goal_pose(start, goal, "goal")
         return replace(self, start=start, goal=goal, goals=goals, duration=None, obstacles=())
 
 

@@ -282,7 +282,7 @@ def test_controllers_as_plain_data(law, expected):
         ({"t": [0.0, 1e300]}, "t .* finite numbers"),
         ({"base": [[0] * 7] * 2}, "base .* quaternions that are not of length 1"),
         ({"base": [[0] * 6] * 2}, r"(?s)base is .*give a \(2, 7\)"),
-        ({"t": None}, "t is None; give 1 finite numbers"),
+        ({"t": None}, "t is None; give 1 finite number$"),
         ({"q": [[0, 0], [1]]}, "q is .*finite numbers"),
         ({"base": None}, "cannot be played"),
     ],
