@@ -53,9 +53,12 @@ KEPT, SCOUTS = 3, 6
 SLOTS = KEPT + SCOUTS
 #: Ticks until a scout sets out again, and until motion begins after nothing was known.
 PATIENCE, SEARCH = 24, 80
-#: Residual beyond which a posture is not on the set, way below which a scout is at rest, distance
-#: below which two are one, longest step [rad].
-LOST, AT_REST, APART, STRIDE = 0.1, 0.02, 0.02, 0.4
+#: Residual beyond which a posture is not on the set, way below which a scout is at rest and one
+#: that is followed, distance below which two are one, longest step [rad].
+LOST, AT_REST, SETTLED, APART, STRIDE = 0.1, 0.02, 0.045, 0.02, 0.4
+#: How many times the arm's last way a posture at rest may lag behind; longest way of the arm in a
+#: tick, on which no posture is lost [rad].
+LAG, LONGEST_WAY = 1.0, 0.03
 #: Share of the way along the set that the first step takes, and the least; square of the changes of
 #: a way below which the share is that of the first [rad^2].
 SHARE, LEAST, SMOOTH = 0.7, 0.02, 1e-5
@@ -406,7 +409,9 @@ def _follow(
     """
     found = [follow(memory.points[i], memory.ways[i], memory.shares[i]) for i in range(SLOTS)]
     ages = [xp.where(fresh, 1.0 + PATIENCE, memory.ages[i]) for i in range(SLOTS)]
-    sizes = [_size(xp, one, age) for one, age in zip(found, ages, strict=True)]
+    still = AT_REST + LAG * _distance(xp, x, memory.q / limits.radians)
+    longest = [xp.maximum(still, SETTLED)] * KEPT + [still] * SCOUTS
+    sizes = [_size(xp, *of) for of in zip(found, ages, longest, strict=True)]
     for i in range(KEPT):  # of two that have become one the nearer goes on
         for j in range(i):
             same = _distance(xp, found[i].point, found[j].point) < APART
@@ -425,7 +430,7 @@ def _follow(
     starts[0] = xp.where(_rest(xp, count, 4.0) < 0.5, x, starts[0])
     for i, start in zip(range(KEPT, SLOTS), starts, strict=True):
         scout = found[i]
-        rests = xp.logical_and(sizes[i] < np.inf, _norm(xp, scout.way) < AT_REST)
+        rests = xp.logical_and(sizes[i] < np.inf, _norm(xp, scout.way) < still)
         bound = xp.where(sizes[i] < np.inf, _bound(xp, scout), np.inf)
         worst, place = sizes[0], 0.0 * limits.stop
         for j in range(1, KEPT):
@@ -467,10 +472,14 @@ def _either(xp: Any, mask: Any, one: Followed, other: Followed) -> Followed:
     return Followed(*(xp.where(mask, a, b) for a, b in zip(one, other, strict=True)))
 
 
-def _size(xp: Any, one: Followed, age: Any) -> Any:
-    """Return how far a posture on the set is, inf of one that is not on it or not in use."""
+def _size(xp: Any, one: Followed, age: Any, still: Any) -> Any:
+    """Return how far a posture on the set is, inf of one that is not on it or not in use.
+
+    Of one on a longer way than `still` it is what the set may be at most: it bends on the way.
+    """
     on = xp.logical_and(one.far < LOST, age < 1.0 + PATIENCE)
-    return xp.where(on, xp.minimum(_norm(xp, one.offset), _bound(xp, one)), np.inf)
+    most, rests = _bound(xp, one), _norm(xp, one.way) < still
+    return xp.where(on, xp.where(rests, xp.minimum(_norm(xp, one.offset), most), most), np.inf)
 
 
 def _bound(xp: Any, one: Followed) -> Any:
@@ -614,7 +623,7 @@ def _shares(
                 xp.absolute(y[j]))
         for j in range(len(x))
     ]  # fmt: skip
-    stopping = 1.0 + 0.0 * size
+    stopping = _at_most(xp, size * dt, LONGEST_WAY)
     for one in known:
         near = one.far < np.inf
         length = xp.where(near, one.far, 1.0)

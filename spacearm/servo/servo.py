@@ -70,7 +70,8 @@ class ServoStep(Result):
         done: Share of the wished twist that is done, of its task rows.
         slowed: What slows the motion, with the share that it leaves: "lost direction" (that of
             `lost` alone), "approach" (to the set), "rate", "wheels", "position" and "stopping
-            distance" (from which the arm could not stop any more), "acceleration".
+            distance" (from which the arm could not stop any more, or where the next step is due so
+            late that the arm would outrun the search), "acceleration".
         halted: Why the arm is brought to rest; empty if it is not.
     """
 

@@ -191,6 +191,28 @@ def test_what_is_told_at_rest_is_what_a_search_finds():
     assert (error < -np.radians(1.0)).mean() < 0.02
 
 
+@SLOW
+@pytest.mark.parametrize(("name", "longest", "count"), [("ssrms", 0.02, 200), ("mda6", 0.5, 80)])
+def test_fast_motions_in_ticks_of_any_length_do_not_fall_below_stop(name, longest, count):
+    """What is told neither follows postures on a long way nor loses those that are followed."""
+    arm, m, rng = sa.load(name), 200, np.random.default_rng(17)
+    servo = sa.Servo(arm, rates=1.0, accelerations=2.0, frame="spacecraft")
+    Q, rest, tick = rng.uniform(-2.0, 2.0, (m, arm.n)), np.zeros((m, 6)), np.full((m, 1), DT)
+    memory, level = [packed(ticks.unknowing(arm.n, q)) for q in Q], np.tile(LEVEL, (m, 1))
+    wished = sa.generalized_jacobians(arm, Q) @ rng.normal(0.0, 0.3, (m, arm.n, 1))
+    told, twist = [], rest
+    for i in range(ticks.SEARCH + count):
+        if i >= ticks.SEARCH:
+            twist, tick = wished[..., 0], rng.uniform(1e-3, longest, (m, 1))
+        given = np.concatenate((Q, level, twist, tick, rest, memory), axis=1)
+        found = servo._kernel({"given": given}, servo._numbers)
+        Q, memory = Q + tick * found[:, : arm.n], found[:, ticks.size(ticks.Tick, arm.n, 1) :]
+        told.append(found[:, arm.n])
+    flown = np.array(told)[ticks.SEARCH :]
+    flown = flown[:, flown[0] > servo.limits.slow]
+    assert (flown.min(axis=0) < 0.99 * STOP).mean() < 0.04
+
+
 def test_an_arm_whose_stick_is_let_go_brakes_within_its_accelerations():
     arm, push = sa.load("planar2"), 1.5
     servo = sa.Servo(arm, rates=1.0, accelerations=push)
