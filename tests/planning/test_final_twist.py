@@ -100,10 +100,8 @@ def test_it_is_kept_in_the_file_and_not_timed_anew(tmp_path):
         sa.time_optimal(plan, torque=10.0)
 
 
-@pytest.mark.parametrize(
-    "options",
-    [{}, pytest.param({"duration": 40.0, "final_attitude": 0.1}, marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [{}, {"duration": 40.0, "final_attitude": 0.1}])
 def test_it_arrives_by_way_of_other_goals(options):
     start = sa.load("planar2").at(PLANAR)
     via = [(1.2, 1.3), (1.0, 1.4)]
