@@ -366,7 +366,7 @@ def test_what_is_asked_as_plain_data():
         ("planar2", sa.Joints([0.4, 1.3]), {"final_attitude": pin.exp3(np.array([0.3, 0, 0]))},
          sa.NoSolutionError, "no turn about z"),
         ("planar2", B, {"final_attitude": "x"}, sa.ConfigurationError, "final_attitude is 'x'"),
-        ("planar3", pin.SE3(2 * np.eye(3), np.zeros(3)), {}, sa.ConfigurationError, "target"),
+        ("planar3", pin.SE3(2 * np.eye(3), np.zeros(3)), {}, sa.ConfigurationError, "goal"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_said_at_once(name, goal, options, error, message):
