@@ -173,7 +173,7 @@ def flown_in_drake(held, law, duration, step, path):
     from pydrake.multibody.parsing import Parser
     from pydrake.systems.analysis import Simulator
 
-    carrying = held._carrying
+    carrying = held.carrying
     arm, grasp = carrying.arm, held.grasps[held.arm.tips[1]].homogeneous
     plant = module.MultibodyPlant(time_step=step)
     Parser(plant).AddModels(str(arm.to_urdf(path)))

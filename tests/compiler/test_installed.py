@@ -58,21 +58,22 @@ def test_a_changed_equation_is_compiled_anew(tmp_path):
 @pytest.mark.skipif(
     sys.platform != "linux" or os.getuid() != 0, reason="only root can become another user"
 )
-def test_a_system_user_without_a_home(tmp_path):
+def test_a_system_user_without_a_home():
     """As in a container: neither the installation nor HOME can be written."""
-    copy_of_the_package(tmp_path)
-    for folder in (tmp_path, *tmp_path.parents[:2]):
-        folder.chmod(folder.stat().st_mode | 0o055)
-    environment = {"PATH": os.environ["PATH"], "HOME": str(tmp_path), "PYTHONPATH": str(tmp_path)}
     nobody = {"user": "nobody", "group": "nogroup", "extra_groups": (), "cwd": "/"}
     try:
         subprocess.run([sys.executable, "-c", "import llvmlite"], check=True, **nobody)
     except (OSError, subprocess.CalledProcessError):
         pytest.skip("this Python is closed to other users")
-    printed, complaint = run(MANY, "-P", env=environment, **nobody)
-    assert float(printed) > 0.0
-    assert complaint == ""
-    assert not [*tmp_path.rglob("__pycache__")]
+    with tempfile.TemporaryDirectory() as folder:  # pytest's own are closed to others
+        place = Path(folder)
+        place.chmod(0o755)
+        copy_of_the_package(place)
+        environment = {"PATH": os.environ["PATH"], "HOME": folder, "PYTHONPATH": folder}
+        printed, complaint = run(MANY, "-P", env=environment, **nobody)
+        assert float(printed) > 0.0
+        assert complaint == ""
+        assert not [*place.rglob("__pycache__")]
 
 
 def test_a_share_of_the_fast_tests_as_nobody():
