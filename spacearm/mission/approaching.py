@@ -38,7 +38,7 @@ from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import out_of_reach
 from spacearm.motion.motion import Motion, samples
-from spacearm.planning.account import SearchAccount
+from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.many_curves import drifting_attitudes, rotation_vectors, rotations_of
 from spacearm.planning.optimiser import Target as End
 from spacearm.planning.planner import plan
@@ -312,7 +312,10 @@ class Approach:
         room = constraints.joint_rates(self.start.arm) * (t - sum(self.duration)) / PEAK
         rng = np.random.default_rng((search.seed, int(1e3 * t)))
         account = SearchAccount(search.timeout)
-        found = ramp_ends(start, target, np.eye(3), room, rng, account)
+        try:
+            found = ramp_ends(start, target, np.eye(3), room, rng, account)
+        except TimeUpError:
+            return
         if not len(found):
             return
         share, Q, turns = self.rehearsed(t, grapple, found)

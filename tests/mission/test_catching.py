@@ -12,6 +12,7 @@ import spacearm as sa
 from spacearm.mission.approaching import Approach
 from spacearm.mission.braking import braked
 from spacearm.mission.catch_report import grasp_of
+from spacearm.planning.account import TimeUpError
 
 START = np.array([0.0, 0.6, 0.0, 1.2, 0.0, 0.8, 0.0])
 RING = sa.pose((0, 0, -0.45))
@@ -332,6 +333,16 @@ def test_after_contact_wheels_take_up_what_they_can(rate, rests):
     most = np.linalg.norm(flight.tip_wrench[:, :3], axis=1).max()
     assert most == pytest.approx(catch.brake.borne[0], rel=0.1)
     assert not flight.tip_wrench[flight.t < catch.t - 1e-6].any()
+
+
+def test_time_that_ends_while_straight_ways_are_sought_is_no_error_of_its_own(monkeypatch):
+    def late(*_):
+        raise TimeUpError("the time is up (timeout)")
+
+    monkeypatch.setattr("spacearm.mission.approaching.ramp_ends", late)
+    start = sa.load("chaser7").at(START)
+    with pytest.raises(sa.NoSolutionError, match="does not catch"):
+        sa.catch(start, tumbling(start), window=(10, 12), search=STRAIGHT)
 
 
 def test_nothing_in_reach_is_said_for_each_contact():
