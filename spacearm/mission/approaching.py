@@ -216,10 +216,7 @@ class Approach:
             times = np.linspace(early, late, number + 1)[1::2]
 
     def rank(self, t: float, grapple: str) -> tuple[bool, float]:
-        """Return whether a frame is out of reach at a time, and how much its open side looks away.
-
-        A cosine.
-        """
+        """Return, of a frame at a time, what `away` does: what is tried first is the least."""
         return away(self.drifted(t), self.target.at(t, grapple).pose)
 
     def path(
