@@ -10,6 +10,7 @@ import typer
 import spacearm as sa
 from spacearm.cli import options as opt
 from spacearm.cli.output import out, print_description, print_json
+from spacearm.errors import listed
 from spacearm.results import Cell, Column, Description, Table
 
 
@@ -66,7 +67,7 @@ def describe_model(arm: sa.SpaceArm) -> sa.SpaceArm:
     return arm
 
 
-@opt.on_a_model
+@lambda command: opt.on_a_model(command, named=True)
 def write_model(
     arm: sa.SpaceArm,
     output: Annotated[Path, typer.Option("--output", "-o", callback=opt.to_write)],
@@ -74,6 +75,9 @@ def write_model(
     deg: bool = False,
 ) -> None:
     """Write a robot, or an arm on a bus (--bus), as a URDF.
+
+    What moves keeps the names that it has in the arm's file; all its names start with the name of
+    the arm if --name gives one, or the bus has one of them already.
 
     Options:
         output (FILE): The URDF to write.
@@ -86,4 +90,5 @@ def write_model(
     path = arm.to_urdf(output)
     for note in arm.notes:
         out.print(f"note: {note}")
-    out.print(f"{path}: {arm.name}, {arm.n} joints, {arm.mass:.6g} kg, tip {', '.join(arm.tips)}")
+    tips, joints = ", ".join(arm.tips), listed(arm.joint_names)
+    out.print(f"{path}: {arm.name}, {arm.mass:.6g} kg, tip {tips}, {arm.n} joints: {joints}")

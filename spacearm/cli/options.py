@@ -151,6 +151,7 @@ def arm_from(
     bus: Annotated[str | None, typer.Option("--bus", "--bus-mass")] = None,
     arg: list[str] | None = None,
     density: float | None = None,
+    name: str | None = None,
     deg: bool = False,
 ) -> sa.SpaceArm:
     """Load the arm that the shared options describe; this signature states them once.
@@ -174,6 +175,7 @@ def arm_from(
             and the roll, pitch, yaw of the arm's base on it, the top of a box by default.
         arg (NAME:=VALUE): Argument of a xacro source; may be repeated.
         density (RHO): Density [kg/m^3] of links without inertial data.
+        name: Name of the arm that --bus mounts, which all its names then start with.
         deg: Angles are in degrees, given and printed (not --json).
     """
     wheels, locked = _wheels(wheel), assignments("--lock", lock)
@@ -194,6 +196,10 @@ def arm_from(
     tips: Any = tip.split(",") if tip and "," in tip else tip
     if tip and "=" in tip:
         tips = dict(pair.split("=", 1) for pair in tip.split(",") if "=" in pair)
+    if carrier is None and name is not None:
+        raise sa.ConfigurationError(
+            f"--name {name}: give the bus that the arm is mounted on: --bus KG"
+        )
     if carrier is None:
         arm = sa.load(model, tip=tips, locked=locked, wheels=wheels, **options)
     elif model in models_by_name():
@@ -203,7 +209,7 @@ def arm_from(
     elif isinstance(tips, list | dict):
         raise sa.ConfigurationError("--tip names several links; an arm on a new bus has one tip")
     else:
-        arm = sa.mount(model, carrier, at, tip=tips, locked=locked, **options)
+        arm = sa.mount(model, carrier, at, name=name, tip=tips, locked=locked, **options)
         arm = arm.replace(wheels=wheels) if wheels else arm
     return arm.replace(task=sa.Task(arm.task.names, scale)) if sign and not rows else arm
 
@@ -266,15 +272,17 @@ def _arguments(texts: list[str] | None) -> dict[str, str]:
     return {name: value for name, _, value in pairs}
 
 
-def on_a_model(command: Callable[..., T]) -> Callable[..., T]:
+def on_a_model(command: Callable[..., T], *, named: bool = False) -> Callable[..., T]:
     """Give a command the argument MODEL and the options of `arm_from` in place of `arm`.
 
     MODEL comes first and the options last, before --json. A command with a parameter `deg` is told
-    whether angles are in degrees.
+    whether angles are in degrees; one that is `named` takes a name of the arm.
     """
     own = dict(inspect.signature(documented(command)).parameters)
     shared = dict(inspect.signature(arm_from).parameters)
     told_deg = own.pop("deg", None) is not None
+    if not named:
+        del shared["name"]
     last = {name: own.pop(name) for name in ("as_json",) if name in own}
     del own["arm"]
     first = {"model": shared["model"]}

@@ -233,7 +233,7 @@ def assembled(info: ModelInfo, reading: Reading | None = None) -> Tree:
     tree = Bus(**info.recipe["bus"]).tree()
     for arm in info.recipe["arms"]:
         at = pin.SE3(np.eye(3), np.array(arm["xyz"]))
-        tree = bolted(tree, arm["arm"], at, name=arm["name"], reading=reading)
+        tree = bolted(tree, arm["arm"], at, name=arm.get("name"), reading=reading)
     return replace(tree, name=info.name, tips=(info.tip,))
 
 
@@ -247,9 +247,7 @@ def bolted(
     locked: Mapping[str, float] | None = None,
     reading: Reading | None = None,
 ) -> Tree:
-    """Return a bus with one arm more; arguments as in `loading.mount`.
-
-    All names of the arm start with `name` and "_"; the link `name` is a frame at its tip.
+    """Return a bus with one arm more; arguments, and the names that it gets, as in `loading.mount`.
 
     Raises:
         ModelError: The name is no text, or taken.
@@ -261,21 +259,47 @@ def bolted(
         reading or Reading(), spacecraft=False, locked=locked or {}, tips=tips, known=bool(known)
     )
     tree = formats.read(known.path if known else arm, alone)
+    tree = replace(tree, name=known.name if known else tree.name)
     asked = tip or (known.tip if known else None)
     chosen = choose_tips(tree, path, asked)
     tip = only_tip(chosen.links, tree.name)
-    if name is None:
-        name = free_name(known.name if known else tree.name, bus.has)
-    elif not isinstance(name, str) or not name:
-        raise ModelError(f"name of the arm is {name!r}; give it as text")
-    elif bus.has(name):
-        raise ModelError(f"{bus.name} has names that start with {name!r} already; take another")
-    whole = bus.joined(tree.renamed(lambda part: f"{name}_{part}"), name, bus.root, at)
+    tree = _named_on(bus, replace(tree, tips=(tip,)), name)
+    name = tree.name
+    whole = bus.joined(tree, name, bus.root, at)
     frame = Tree(name, name, {name: None}, {})
-    whole = whole.joined(frame, f"{name}.tip", f"{name}_{tip}", pin.SE3.Identity())
+    whole = whole.joined(frame, f"{name}.tip", tree.tips[0], pin.SE3.Identity())
     found = () if asked else (f"the tip of {name} is {tip!r}: {chosen.reason}",)
-    notes = (*whole.notes, *found)
-    return replace(whole, name=f"{bus.name}_{name}", tips=(f"{name}_{tip}",), notes=notes)
+    return replace(whole, name=f"{bus.name}_{name}", tips=tree.tips, notes=(*whole.notes, *found))
+
+
+def _named_on(bus: Tree, arm: Tree, name: str | None) -> Tree:
+    """Return an arm with the name, and the names of links and joints, that it gets on a bus.
+
+    Raises:
+        ModelError: The name is no text, or taken.
+    """
+    base = {*arm.lumps[arm.root]}
+    base |= {joint.name for joint in arm.joints.values() if joint.child in base}
+    moving = {*arm.links, *arm.joints} - base
+    if name is not None:
+        if not isinstance(name, str) or not name:
+            raise ModelError(f"name of the arm is {name!r}; give it as text")
+        if bus.has(name):
+            raise ModelError(f"{bus.name} has names that start with {name!r} already; take another")
+        return replace(arm.renamed(lambda part: f"{name}_{part}"), name=name)
+
+    def unfit(name: str) -> bool:
+        return bus.has(name) or not moving.isdisjoint({name, *(f"{name}_{part}" for part in base)})
+
+    name = free_name(arm.name, unfit)
+    notes, changed = arm.notes, base
+    if taken := sorted(moving & {*bus.links, *bus.joints}):
+        notes += (
+            f"all names of {name} start with '{name}_': {bus.name} has a {taken[0]!r} already",
+        )
+        changed = base | moving
+    renamed = arm.renamed(lambda part: f"{name}_{part}" if part in changed else part)
+    return replace(renamed, name=name, notes=notes)
 
 
 def holding(tree: Tree, link: str, rigid: Inertial) -> Tree:

@@ -126,12 +126,15 @@ def mount(
 ) -> SpaceArm:
     """Bolt an arm to a spacecraft; call it again for a second and a third arm.
 
-    The fixed base of the arm becomes part of the spacecraft. The names of its links and joints are
-    prefixed with its name and "_": a tip "hand" of an arm mounted as "left" is "left_hand". A frame
-    with the name alone is at the same place: "left". The tip of the result is that of the arm
-    mounted last, whose joints count, while fingers and other arms are held;
-    `SpaceArm.replace` takes the other one, or both: `tip=("left", "right")`. The order of mounting
-    makes no other difference.
+    All that moves keeps the names of links and joints that it has in the arm's file. The fixed base
+    becomes part of the spacecraft, and its names get the arm's name and "_" in front. So do all
+    names if `name` is given or the bus has one of them already, as for a second arm of one kind: a
+    tip "hand" of an arm mounted as "left" is "left_hand". A frame with the arm's name alone is at
+    the same place: "left".
+
+    The tip of the result is that of the arm mounted last, whose joints count, while fingers and
+    other arms are held; `SpaceArm.replace` takes the other one, or both: `tip=("left", "right")`.
+    The order in which arms with given names are mounted makes no other difference.
 
     Args:
         arm: An arm without a spacecraft: a name that `arms` lists, or what `load` takes.
@@ -139,7 +142,8 @@ def mount(
             and wheels are kept.
         at: Pose of the arm's root link in the frame of the bus, a pin.SE3 or a (4, 4) matrix. If
             None, the middle of the top face (+z) of a `Bus` with a size, else the identity.
-        name: Name of the arm. Default: the robot's name, numbered from the second arm on.
+        name: Name of the arm, which all its names start with. Default: the robot's name, numbered
+            from the second arm on.
         tip: Link of the arm that is its tip, as in `load`.
         task: The twist rows that count; see `load`.
         joints: Which joints count besides; names are those of the result. See `load`.
@@ -159,7 +163,7 @@ def mount(
     Example:
         >>> import spacearm as sa
         >>> sa.mount("vispa", sa.Bus(mass=200, size=(1, 1, 1)))
-        SpaceArm(bus_vispa: 6 joints, 216.054 kg, tip 'vispa_tip', task 'pose')
+        SpaceArm(bus_vispa: 6 joints, 216.054 kg, tip 'tip', task 'pose')
     """
     top = bus.top if isinstance(bus, Bus) else pin.SE3.Identity()
     at = top if at is None else sound_pose(at, "at")

@@ -66,7 +66,7 @@ def test_names_are_those_of_the_arm_and_degrees_hold(arm_alone):
     assert np.allclose(turned["sigma"], same["sigma"], atol=1e-14)
     assert answer("query", arm_alone, "0.1", "--tip", "arm", *options)["sigma"]
     names = answer("info", "ur5", *options)["joint_data"]
-    assert names[0]["name"] == "ur5_shoulder_pan_joint"
+    assert names[0]["name"] == "shoulder_pan_joint"
 
 
 HULL = robot(
@@ -90,7 +90,7 @@ def test_a_bus_from_a_file_with_wheels_and_home(arm_alone, tmp_path):
     at = sa.pose((0.1, 0, 0.5), (0, 0, np.pi / 2))
     same = sa.mount(arm_alone, hull, at, tip="arm", task="x").replace(wheels=["rw"])
     same = same.with_home({"sada": np.pi / 6})
-    assert arm.tip == same.tip == "r_arm"  # the name that it had, behind the name of the robot
+    assert arm.tip == same.tip == "arm"  # the name that it had
     assert arm.held["sada"] == same.held["sada"] == pytest.approx(np.pi / 6)
     assert [(wheel.name, wheel.torque) for wheel in arm.wheels] == [("rw", 0.2)]
     assert arm.wheels[0].capacity == pytest.approx(6.0)
@@ -132,10 +132,18 @@ def test_mount_writes_one_urdf(arm_alone, tmp_path):
     path = tmp_path / "whole.urdf"
     run = spacearm("mount", "ur5", "--bus-mass", "200", "-o", path)
     assert run.returncode == 0
-    assert f"{path}: bus_ur5, 6 joints, " in run.stdout
+    told = " ".join(run.stdout.split())
+    assert f"{path}: bus_ur5, 220.994 kg, tip tool0, 6 joints: shoulder_pan_joint, " in told
     whole = sa.load(path)
     assert whole.mass == pytest.approx(sa.mount("ur5", sa.Bus(mass=200, size=(1, 1, 1))).mass)
-    assert (whole.n, whole.tip) == (6, "ur5_tool0")
+    assert (whole.n, whole.tip) == (6, "tool0")
+    second = spacearm("mount", "ur5", "--bus", f"{path}@0.5,0,0", "-o", path)
+    assert "note: all names of ur5_2 start with 'ur5_2_': bus_ur5 has a '" in second.stdout
+    third = spacearm("mount", "ur5", "--bus", f"{path}@0,0.5,0", "--name", "side", "-o", path)
+    assert "tip side_tool0, 6 joints: side_shoulder_pan_joint" in " ".join(third.stdout.split())
+    assert sa.load(path, tip=("ur5", "ur5_2", "side")).n == 18
+    unbolted = spacearm("mount", path, "--name", "left", "-o", path)
+    assert "--name left: give the bus that the arm is mounted on: --bus KG" in unbolted.stderr
     missing = spacearm("mount", arm_alone, "-o", path)
     assert "--bus KG" in missing.stderr
     assert missing.returncode == 2

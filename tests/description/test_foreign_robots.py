@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robots import tip_of_the_arm
 
 import spacearm as sa
 
@@ -78,7 +77,7 @@ def loaded(path):
             if "sa.mount(" not in str(error):  # what it is told to do
                 raise
             arm = sa.mount(path, BUS)
-            return arm, tip_of_the_arm(arm), arm.mass - BUS.mass
+            return arm, arm.tip, arm.mass - BUS.mass
     return arm, arm.tip, arm.mass
 
 

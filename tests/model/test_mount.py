@@ -76,7 +76,7 @@ def test_every_arm_mounts_answers_and_is_drawn_with_its_own_meshes(name):
     report = sa.singularity(arm.at(np.full(arm.n, 0.3)))
     assert report.kind == "regular"
     assert arm.n == len(report.gradient)
-    assert arm.tip.startswith(f"{name}_")
+    assert arm.tip == next(info.tip for info in sa.arms() if info.name == name)
     assert name in arm.tree.links
     same(arm, rewritten(arm))
     drawn = shapes(arm)
@@ -221,13 +221,55 @@ def test_three_arms_of_one_kind_get_names_of_their_own():
     assert (arm.n, len(arm.held)) == (7, 14)
     assert arm.tip == "xarm7_3_link_eef"
     same(arm, rewritten(arm))
-    names = ("xarm7", "xarm7_2", "xarm7_3")
-    three = arm.replace(tip=names)
+    three = arm.replace(tip=("xarm7", "xarm7_2", "xarm7_3"))
     assert len(set(three.joint_names)) == three.n == 21
-    assert {name.rpartition("_joint")[0] for name in three.joint_names} == set(names)
+    assert {name.rpartition("joint")[0] for name in three.joint_names} == {
+        "",
+        "xarm7_2_",
+        "xarm7_3_",
+    }
+    assert [note.partition(":")[0] for note in arm.notes] == [
+        f"all names of xarm7_{k} start with 'xarm7_{k}_'" for k in (2, 3)
+    ]
     assert not three.held
     tips = three.at(np.zeros(21)).tips
     assert np.ptp([np.linalg.norm(tip.translation) for tip in tips]) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("hull", "name", "joints", "tip"),
+    [
+        ("hull", None, ("elbow", "wrist"), "tool"),
+        ("base", None, ("elbow", "wrist"), "tool"),  # of the arm's base, whose names are others
+        ("wrist", None, ("r_elbow", "r_wrist"), "r_tool"),
+        ("hull", "left", ("left_elbow", "left_wrist"), "left_tool"),
+    ],
+)
+def test_what_moves_keeps_its_names_unless_one_is_taken_or_the_arm_is_named(
+    hull, name, joints, tip, tmp_path
+):
+    parts = (frame("world"), link("base"), joint("hold", "world", "base", "fixed"), link("upper"))
+    hand = (link("tool"), joint("elbow", "base", "upper"), joint("wrist", "upper", "tool"))
+    path = saved(robot(*parts, *hand), tmp_path)
+    bus = sa.Bus(mass=90, size=(1, 1, 1), name=hull)
+    arm = sa.mount(path, bus, name=name, locked={"wrist": 0.3} if name else None, tip="tool")
+    assert (*arm.joint_names, *joints[arm.n :]) == joints
+    assert arm.tip == tip
+    start = f"{name or 'r'}_"
+    assert {f"{start}world", f"{start}base", start[:-1]} < arm.whole.links.keys()
+    assert f"{start}hold" in arm.whole.joints
+    told = f"all names of r start with 'r_': {hull} has a 'wrist' already"
+    assert (told in arm.notes) == (hull == "wrist")
+    assert arm.whole.frames[tip].isApprox(arm.whole.frames[start[:-1]])
+
+
+def test_an_arm_whose_own_parts_have_its_name_is_numbered(tmp_path):
+    """The frame with the arm's name, and its base, get names that none of its links has."""
+    for own in ("r", "r_base"):
+        path = saved(robot(link("base"), link(own), joint("elbow", "base", own)), tmp_path)
+        arm = sa.mount(path, SERVICER)
+        assert (arm.tip, arm.joint_names) == (own, ("elbow",))
+        assert {own, "r_2", "r_2_base"} < arm.whole.links.keys()
 
 
 def test_names_that_are_taken_are_refused():
@@ -255,7 +297,7 @@ BUSES = {
 def test_a_bus_without_joints_from_a_file_of_any_format(name, base, tmp_path):
     path = saved(BUSES[name].format(base), tmp_path, name)
     reference = sa.mount("vispa", sa.Bus(mass=80, inertia=np.diag([7, 8, 9]), name="hull"), ON_TOP)
-    same(sa.mount("vispa", path, at=ON_TOP, name="vispa"), reference)
+    same(sa.mount("vispa", path, at=ON_TOP), reference)
     with pytest.raises(sa.ModelError, match=r"no joint (that )?can move"):
         sa.load(path)
 
@@ -263,9 +305,7 @@ def test_a_bus_without_joints_from_a_file_of_any_format(name, base, tmp_path):
 def test_a_bus_without_joints_of_pinocchio(tmp_path):
     path = saved(BUSES["bus.urdf"], tmp_path, "bus.urdf")
     bus = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
-    same(
-        sa.mount("vispa", bus, ON_TOP, name="vispa"), sa.mount("vispa", path, ON_TOP, name="vispa")
-    )
+    same(sa.mount("vispa", bus, ON_TOP), sa.mount("vispa", path, ON_TOP))
 
 
 def test_a_bus_with_panels_from_its_own_urdf(tmp_path):
@@ -274,7 +314,7 @@ def test_a_bus_with_panels_from_its_own_urdf(tmp_path):
     text = robot(link("hull", 80.0), wing, joint("panel", "hull", "wing", axis=(0, 1, 0)))
     path = saved(text, tmp_path, "hull.urdf")
     arm = sa.mount("vispa", path, at=ON_TOP)
-    assert (arm.n, arm.tip, dict(arm.held)) == (6, "vispa_tip", {"panel": 0.0})
+    assert (arm.n, arm.tip, dict(arm.held)) == (6, "tip", {"panel": 0.0})
     free = sa.mount("vispa", path, at=ON_TOP, joints=["panel"])
     assert (free.n, free.joint_names[0], dict(free.held)) == (7, "panel", {})
     locked = arm.replace(locked={"panel": 0.4})

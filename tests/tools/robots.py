@@ -171,16 +171,19 @@ def row(path: Path, robot: str, bus: sa.Bus, options: dict) -> Row:
     verdict = f"{report.kind}, σ_min {report.sigma_min:.2g} {arm.sigma_unit}"
     verdict += f" ({', '.join(said)})" if said else ""
     outcome = "answered when told more" if given else "answered"
-    tips = ", ".join(tip_of_the_arm(arm) if mounted else tip for tip in arm.tips)
     words = [f"--arg {name}:={value}" for name, value in options["xacro_args"].items()]
     words += [f"--bus-mass {bus.mass:g}"] if mounted else []
     words += [f"--{name} {value}" for name, value in given.items()]
-    return Row(robot, kind, str(arm.n), tips, mass, verdict, outcome, options=" ".join(words))
-
-
-def tip_of_the_arm(arm: sa.SpaceArm) -> str:
-    """The tip of an arm that was mounted, under the name that it has in its file."""
-    return arm.tip.removeprefix(f"{arm.name.removeprefix('bus_')}_")
+    return Row(
+        robot,
+        kind,
+        str(arm.n),
+        ", ".join(arm.tips),
+        mass,
+        verdict,
+        outcome,
+        options=" ".join(words),
+    )
 
 
 def format_of(path: Path) -> str:

@@ -3,8 +3,6 @@
 import robots
 from helpers.arms import frame, joint, link, robot, two_links
 
-import spacearm as sa
-
 SDF = "<sdf version='1.9'><model name='m'><link name='a'/></model></sdf>"
 IMPOSSIBLE = link("arm", inertia=[[1, 0, 0], [0, 1, 0], [0, 0, 3]])
 
@@ -58,11 +56,6 @@ def test_every_outcome_has_its_row(tmp_path, capsys):
         "a part of other files": 2,
     }
     assert str(tmp_path) not in said
-
-
-def test_the_tip_of_a_mounted_arm_is_named_as_in_its_file():
-    arm = sa.mount("ur5", sa.Bus(mass=50.0, size=(1, 1, 1)))
-    assert robots.tip_of_the_arm(arm) == "tool0"
 
 
 def test_space_robots_stand_first_with_the_command_that_loads_them(tmp_path, capsys, monkeypatch):
