@@ -83,7 +83,8 @@ def closure_rows(cfg: Configuration) -> Array:
     first, *others = np.split(cfg.J, len(cfg.tips))
     at = cfg.tips[0].translation
     pairs = zip(cfg.tips[1:], others, strict=True)
-    return np.vstack([J - carried(tip.translation - at) @ first for tip, J in pairs])
+    none = np.empty((0, first.shape[1]))  # of one tip
+    return np.vstack([none, *(J - carried(tip.translation - at) @ first for tip, J in pairs)])
 
 
 def onto_closure(cfg: Configuration, v: Array) -> Array:
@@ -120,7 +121,7 @@ def closed_state(
     drift = _drift(cfg, v)
     first, *twists = np.split(cfg.J @ v, len(tips))
     spin, grasp = first[3:], carrying.frame(cfg)
-    bias = list[Array]()
+    bias = [np.empty(0)]
     for i, twist in enumerate(twists, 1):
         lever = tips[i].translation - tips[0].translation
         turning = np.concatenate((np.cross(spin, twist[:3] - first[:3]), np.zeros(3)))
@@ -283,7 +284,8 @@ class _Run:
         """
         cfg = self.carrying.start
         v = generalized_velocity(cfg, dq)
-        opening, size = np.abs(closure_rows(cfg) @ v).max(), np.abs(cfg.J @ v).max()
+        opening = np.abs(closure_rows(cfg) @ v).max(initial=0.0)
+        size = np.abs(cfg.J @ v).max()
         if opening > OPENING * size + STILL:
             raise ConfigurationError(
                 f"dq opens the grasps at {opening:.2g} m/s or rad/s; give rates that keep them "

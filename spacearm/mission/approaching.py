@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -52,6 +53,8 @@ from spacearm.planning.strategies.drift import ramp_ends, stretched
 from spacearm.planning.timing import PEAK, eased
 from spacearm.singularities.sets import singular_set
 
+#: What is grasped: a frame, that of each tip, or those of tips that grasp one after the other.
+Grapple: TypeAlias = str | Mapping[str, str] | Sequence[Mapping[str, str]] | None
 #: Poses through which the tip is led while it takes up the target's motion, and closing in.
 NODES = 400
 #: Distance to the singular set that is proven at most [rad], also as a share of that to first
@@ -74,6 +77,7 @@ class Approach:
     start: Configuration
     target: Target
     grapples: tuple[str, ...]
+    asked: Grapple
     window: tuple[float, float]
     approach: float
     closing: float
@@ -87,7 +91,7 @@ class Approach:
         cls,
         start: Configuration,
         target: Target,
-        grapple: str | Mapping[str, str] | None,
+        grapple: Grapple,
         window: Sequence[float],
         approach: float,
         closing: float,
@@ -121,16 +125,14 @@ class Approach:
             touching = [link for lump in lumps for link in lump]
         require_known(f"link of {arm.name}", touching, arm.tree.links)
         return cls(
-            start, target, grapples, (float(early), float(late)),
+            start, target, grapples, grapple, (float(early), float(late)),
             positive(approach, "approach", "distance [m]"),
             positive(closing, "closing", "speed [m/s]"), tuple(touching),
             np.array(most), constraints, mode,
         )  # fmt: skip
 
     @classmethod
-    def named(
-        cls, arm: SpaceArm, target: Target, grapple: str | Mapping[str, str] | None
-    ) -> tuple[str, ...]:
+    def named(cls, arm: SpaceArm, target: Target, grapple: Grapple) -> tuple[str, ...]:
         """Return the grapple frames by which the arm may catch.
 
         Raises:
@@ -143,13 +145,14 @@ class Approach:
                 "is caught by the pose of one, sa.load(..., task='pose'), or by several at once, "
                 "grapple={tip: frame}"
             )
-        if isinstance(grapple, Mapping):
-            require_known(f"tip of {arm.name}", grapple, arm.tips)
-            grapple = grapple.get(arm.tip)
-        if grapple is None:
+        name = grapple if isinstance(grapple, str) else None
+        for given in in_turn(grapple):
+            require_known(f"tip of {arm.name}", given, arm.tips)
+            name = given.get(arm.tip)
+        if name is None:
             return tuple(target.grapples)
-        require_known(f"grapple of {target.name}", grapple, target.grapples)
-        return (grapple,)
+        require_known(f"grapple of {target.name}", name, target.grapples)
+        return (name,)
 
     @property
     def choices(self) -> tuple[str, ...]:
@@ -198,6 +201,10 @@ class Approach:
         close = self.approach / self.closing
         return close, close
 
+    def closes(self, _: str) -> tuple[float, float]:
+        """When the tip of a grapple frame begins to close in, and how long that takes [s]."""
+        return self.duration
+
     def candidates(self) -> Iterator[list[tuple[float, str]]]:
         """Yield times and grapple frames, then those half way between, and so on.
 
@@ -240,7 +247,8 @@ class Approach:
         clock = np.linspace(0.0, join + close, 2 * nodes + 1)
         begin = t - clock[-1]
         joined = eased(np.clip(clock / join, 0.0, 1.0))
-        away = self.approach * (1.0 - eased(np.clip((clock - join) / close, 0.0, 1.0)))
+        since, lasts = self.closes(grapple)
+        away = self.approach * (1.0 - eased(np.clip((clock - since) / lasts, 0.0, 1.0)))
         frames = [self.target.at(begin + float(s), grapple).pose for s in clock]
         frames = [
             pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, -d]))
@@ -582,6 +590,13 @@ class Approach:
         if contact is not None:
             meet = f"{' and '.join(contact.links)} meet after {begin + contact.t:.4g} s"
             raise NoSolutionError(meet)
+
+
+def in_turn(grapple: Grapple) -> list[Mapping[str, str]]:
+    """Return the frames of tips by the turns in which they grasp; none where no tips are named."""
+    if grapple is None or isinstance(grapple, str):
+        return []
+    return [grapple] if isinstance(grapple, Mapping) else [*grapple]
 
 
 def away(cfg: Configuration, pose: pin.SE3) -> tuple[bool, float]:

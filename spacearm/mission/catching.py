@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from spacearm.errors import ImpossibleError, NoSolutionError, SpaceArmError
 from spacearm.mechanics.target import Target
-from spacearm.mission.approaching import NO_WAY, Approach
+from spacearm.mission.approaching import NO_WAY, Approach, Grapple, in_turn
 from spacearm.mission.catch_report import Candidate, Catch
 from spacearm.mission.two_hands import HandsApproach
 from spacearm.model.arguments import FLOATING, BaseMode
@@ -31,7 +31,7 @@ SHARES, FINER = (0.0, 0.0, 1 / 30, 1 / 10, 1 / 3), 2
 def catch(
     start: Configuration,
     target: Target,
-    grapple: str | Mapping[str, str] | None = None,
+    grapple: Grapple = None,
     *,
     window: Sequence[float] = (0.0, 60.0),
     approach: float = 0.2,
@@ -58,8 +58,10 @@ def catch(
             the target are in the inertial frame of its base.
         target: The target.
         grapple: Name of the grapple frame; any of them if None. Of an arm with several tips the
-            frame of each, {tip: frame}: all of them grasp at the same time.
-        window: Earliest and latest contact [s].
+            frame of each, {tip: frame}: all of them grasp at the same time. A sequence of such
+            mappings has them grasp one after the other: each hand that holds moves on with the
+            target while the next one closes in, and all brake once the last one has grasped.
+        window: Earliest and latest contact, of several the last one [s].
         approach: Distance of the stand-off, from which the tip closes in along the z axis of the
             grapple frame [m].
         closing: Mean speed at which it closes in [m/s].
@@ -97,7 +99,7 @@ def catch(
         >>> bool(catch.place_error < 1e-6 and abs(catch.twist_error).max() < 1e-5)
         True
     """
-    several = isinstance(grapple, Mapping) and len(grapple) > 1
+    several = sum(map(len, in_turn(grapple))) > 1
     kind = HandsApproach if several else Approach
     request = kind.of(
         start, target, grapple, window, approach, closing, touching, bears, constraints, mode

@@ -1,8 +1,9 @@
-"""Two hands: a target is caught by several tips at the same time, and braked by all of them.
+"""Two hands: a target is caught by several tips, and braked by all of them.
 
 All tips are led to stand-offs before their grapple frames, take up the motion of these and close in
-together. From contact on the chain is closed: its target comes to rest, seen from the spacecraft,
-along the screw that it moves along at contact, and all joints follow closure. Torques are those by
+together, or one after the other: a hand that holds moves on with the target, which it gives no
+wrench. Once all hold, the chain is closed: its target comes to rest, seen from the spacecraft,
+along the screw that it moves along then, and all joints follow closure. Torques are those by
 which the hands give the target the least wrenches that move it.
 """
 
@@ -12,6 +13,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
+from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
 
@@ -21,7 +23,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.closure.closing import Gaps, carried, target_momentum
 from spacearm.closure.holding import Held, hold
-from spacearm.closure.target_paths import Carrying, TargetCurve
+from spacearm.closure.target_paths import Carrying, TargetCurve, with_target
 from spacearm.closure.target_runs import TargetRun, closed_state, onto_closure
 from spacearm.errors import (
     ConfigurationError,
@@ -38,7 +40,7 @@ from spacearm.mechanics.dynamics import (
     mass_matrix,
 )
 from spacearm.mechanics.target import Target
-from spacearm.mission.approaching import NO_WAY, Approach, away
+from spacearm.mission.approaching import NO_WAY, Approach, Grapple, away, in_turn
 from spacearm.mission.braking import BRAKES, Braking, largest_torques
 from spacearm.mission.catch_report import Catch
 from spacearm.model.arguments import FLOATING
@@ -48,12 +50,13 @@ from spacearm.motion.controllers import Tracking
 from spacearm.motion.events import Event
 from spacearm.motion.flights import Flight, Phase, simulate_phases
 from spacearm.motion.goal import out_of_reach, twist_between
-from spacearm.motion.motion import carried_along, samples
+from spacearm.motion.motion import Motion, Trajectory, carried_along, samples
 from spacearm.motion.plant import Integration, Plant
 from spacearm.planning.planner import plan
 from spacearm.planning.problem import LEAST
 from spacearm.planning.request import Joints, Search
 from spacearm.planning.result import Plan
+from spacearm.results import Description
 from spacearm.singularities.nearest import angle
 
 
@@ -78,32 +81,34 @@ class ClosedBraking(Braking, kw_only=True):
 class HandsFlight(Flight, kw_only=True):
     """The flight of a catch by several hands, from `Catch.fly`.
 
-    In its last phase the chain is closed: a `TargetRun`. `tip_wrench` has (m, 6 tips).
+    From the first grasp on its phases are a `TargetRun` each. `tip_wrench` has (m, 6 tips).
     """
 
     def _wrenches(self, i: int) -> Array:
-        run, first = self.phases[i], min(i, 1)
-        tips = self.phases[0].arm.tips
+        run, first, tips = self.phases[i], min(i, 1), self.arm.tips
         if not isinstance(run, TargetRun):
             return np.zeros((len(run) - first, 6 * len(tips)))
         turns = [[tip.rotation for tip in cfg.tips] for cfg in run][first:]
-        given = np.stack([run.grasps[tip][first:] for tip in tips], axis=1)
+        none = np.zeros((len(run), 6))
+        given = np.stack([run.grasps.get(tip, none)[first:] for tip in tips], axis=1)
         in_tips = given.reshape(*given.shape[:2], 2, 3) @ np.array(turns)
         return in_tips.reshape(len(given), -1)
 
 
 class HandsCatch(Catch, kw_only=True):
-    """How several hands catch a target at the same time, from `sa.catch`.
+    """How several hands catch a target, from `sa.catch`.
 
-    It is a `Catch`: `brake` is along closure, `twist_error` (6 tips,) is that of all tips, place
-    and angle are those of the tip that is farthest off. Nothing is proven of singular postures:
-    `distance_proven` is 0.
+    It is a `Catch`: at contact the last hand grasps, `brake` is along closure, `twist_error`
+    (6 tips,) is that of all tips, place and angle are those of the tip that is farthest off.
+    Nothing is proven of singular postures: `distance_proven` is 0.
 
     Attributes:
         held: How the target is held at contact, with the momentum of both.
+        grasped: When each tip grasps [s]; from then on it moves as its frame does.
     """
 
     held: Held
+    grasped: Mapping[str, float]
     brake: ClosedBraking = field()
 
     @cached_property
@@ -136,9 +141,9 @@ class HandsCatch(Catch, kw_only=True):
         integration: Integration = Integration(),
         progress: Callable[[float, float], object] | None = None,
     ) -> Flight:
-        """Simulate the catch, as `Catch.fly`: all hands grasp in one plastic impact.
+        """Simulate the catch, as `Catch.fly`: each grasp is a plastic impact.
 
-        From then on the chain is closed, as `Held.simulate` has it, without squeezing. Wheels do
+        From then on arms and target are as `Held.simulate` has them, without squeezing. Wheels do
         what the plant says.
 
         Args:
@@ -148,54 +153,89 @@ class HandsCatch(Catch, kw_only=True):
             progress: Called now and then as progress(t, duration).
 
         Returns:
-            The flight: "approach", "closing in" and "braking", a `TargetRun`.
+            The flight: "approach", "closing in" and "braking", a `TargetRun`; where hands grasp
+            one after the other, "closing in" of each, from the second one on a `TargetRun`, too.
 
         Raises:
             SpaceArmError: As `simulate_phases` and `Held.simulate` raise.
         """
-        target = actual or self.target
+        target, arm = actual or self.target, self.arm
         total = self.t + float(self.brake.t[-1])
         begun = replace(self.plan, t=self.begin + self.plan.t)
+        contacts, stands = sorted(set(self.grasped.values())), self.t - float(self.chase.t[-1])
+        turns = [[tip for tip, t in self.grasped.items() if t == contact] for contact in contacts]
+        words = [f"closing in{f', {listed(tips)}' * (len(turns) > 1)}" for tips in turns]
 
         def tell(begin: float) -> Callable[[float, float], object] | None:
             return progress and (lambda t, _: progress(begin + t, total))
 
         phases = [
             Phase(
-                Tracking(motion), float(motion.t[-1]), plant=plant, name=name,
-                integration=integration,
+                Tracking(motion), duration, plant=plant, name=name, integration=integration
             )
-            for name, motion in (("approach", begun), ("closing in", self.chase))
+            for name, motion, duration in (
+                ("approach", begun, float(begun.t[-1])),
+                (words[0], self.chase, contacts[0] - stands),
+            )
         ]  # fmt: skip
         free = simulate_phases(self.plan[0], phases, progress=tell(0.0))
-        end, contact = free.phases[-1][-1], float(free.t[-1])
-        met = target.at(contact)
-        there = target.replace(pose=met.pose)
-        grasps = {
-            tip: met.pose.actInv(pose) for tip, pose in zip(self.arm.tips, end.tips, strict=True)
-        }
-        held = hold(end, there, grasps, limits=False)
-        hit = impact(held, free.dq[-1], met.twist)
-        held = replace(held, configuration=held.configuration.with_momentum(hit.momentum))
-        run = held.simulate(
-            Tracking(self.brake), float(self.brake.t[-1]), dq=hit.dq,
-            squeeze=dict.fromkeys(self.arm.tips, np.zeros(6)), plant=plant,
-            integration=integration, progress=tell(contact),
-        )  # fmt: skip
-        detail = f"{target.mass:g} kg, {hit.energy_lost:.3g} J lost"
-        later = [event._replace(t=contact + event.t) for event in run.events]
-        return HandsFlight.joined(
-            [*free.phases, run],
-            [*free.begins.tolist(), contact],
-            [*free.events, Event(contact, "grasp", end.q, detail), *later],
-            [hit],
-            [*free.names, "braking"],
-            [None] * 3,
-        )
+        runs: list[Trajectory] = [*free.phases]
+        begins, events, hits = free.begins.tolist(), [*free.events], list[Capture]()
+        end, dq, met = runs[-1][-1], free.dq[-1], target.at(float(free.t[-1]))
+        pose, twist = met.pose, met.twist
+        for i, (contact, until) in enumerate(pairwise([*contacts, total])):
+            tips = [tip for tip in arm.tips if self.grasped[tip] <= contact]
+            places = dict(zip(arm.tips, end.tips, strict=True))
+            grasps = {tip: pose.actInv(places[tip]) for tip in tips}
+            hands = kinematics(arm.replace(tip=tips, joints=arm.joint_names), end.q, end.base)
+            there = target.replace(pose=pose)
+            held = hold(hands.with_momentum(end.momentum), there, grasps, limits=False)
+            hit = impact(held, dq, twist)
+            held = replace(held, configuration=held.configuration.with_momentum(hit.momentum))
+            run = held.simulate(
+                Tracking(self._from(contact, tips[0])), until - contact, dq=hit.dq,
+                squeeze=dict.fromkeys(tips, np.zeros(6)), plant=plant, integration=integration,
+                progress=tell(contact),
+            )  # fmt: skip
+            whole = run.arm.replace(tip=[*arm.tips], joints=run.arm.joint_names)
+            run = replace(run, arm=whole)
+            detail = f"{listed(turns[i])}: " * (len(turns) > 1)
+            detail += f"{target.mass:g} kg, {hit.energy_lost:.3g} J lost"
+            events += [Event(contact, "grasp", end.q, detail)]
+            events += [event._replace(t=contact + event.t) for event in run.events]
+            runs, begins, hits = [*runs, run], [*begins, contact], [*hits, hit]
+            last, dq, pose = run[-1], run.dq[-1], pin.XYZQUATToSE3(run.target[-1])
+            v = generalized_velocity(last, dq)
+            seen = kinematics(held.carrying.of_target, last.q, last.base)
+            twist, end = seen.J @ v, kinematics(arm, last.q, last.base)
+            end = end.with_momentum(end.A @ v)
+        names = ["approach", *words, "braking"]
+        return HandsFlight.joined(runs, begins, events, hits, names, [None] * len(runs))
+
+    def _from(self, contact: float, tip: str) -> Motion:
+        """Return the motion from a contact on, of the arms with the target in their hands.
+
+        Args:
+            contact: When [s].
+            tip: A hand that holds it then.
+        """
+        if contact >= self.t:
+            return self.brake
+        chase, frame = self.chase, self.target.frame(self.frames[tip])
+        arm = with_target(chase[-1], self.target, frame.inverse(), tip)[0].arm
+        clock = chase.t - chase.t[-1] + self.t - contact
+        momentum = np.tile(self.momentum, (len(chase), 1))
+        return replace(chase, arm=arm, t=clock, momentum=momentum)
+
+    def describe(self) -> Description:
+        """Describe it as `Catch.describe`, and when each hand grasps."""
+        told = super().describe()
+        times = [f"{tip} grasps after {t:.4g} s" for tip, t in self.grasped.items()]
+        return replace(told, notes=[listed(times), *told.notes])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `Catch` tells, and how far singular postures are to first order."""
-        return super().to_dict() | {"clearance": self.clearance}
+        """Return what `Catch` tells, when hands grasp, and how far singular postures are."""
+        return super().to_dict() | {"clearance": self.clearance, "grasped": dict(self.grasped)}
 
 
 class HandsCurve(following.TipCurve):
@@ -232,23 +272,22 @@ class HandsApproach(Approach):
     """What is asked for of several hands, checked; `grapples` are the frames of the tips."""
 
     @classmethod
-    def named(
-        cls, arm: SpaceArm, target: Target, grapple: str | Mapping[str, str] | None
-    ) -> tuple[str, ...]:
+    def named(cls, arm: SpaceArm, target: Target, grapple: Grapple) -> tuple[str, ...]:
         """Return the grapple frames of all tips, in their order.
 
         Raises:
             ConfigurationError: They are not those of all tips.
             UnsupportedError: The task is no pose, or the joints are too few for it.
         """
-        if not isinstance(grapple, Mapping) or set(grapple) != set(arm.tips):
+        given = [pair for group in in_turn(grapple) for pair in group.items()]
+        if sorted(tip for tip, _ in given) != sorted(arm.tips):
             raise ConfigurationError(
                 f"grapple is {grapple!r}; give {{tip: frame}} for each tip of {arm.name}: "
                 f"{listed(arm.tips)}; sa.load(source, tip=[...]) names other tips"
             )
-        for name in grapple.values():
+        for _, name in given:
             require_known(f"grapple of {target.name}", name, target.grapples)
-        frames = tuple(grapple[tip] for tip in arm.tips)
+        frames = tuple(dict(given)[tip] for tip in arm.tips)
         if len(set(frames)) < len(frames):
             raise ConfigurationError(f"grapple is {grapple!r}; give each tip a frame of its own")
         if arm.task.k < 6 * len(frames) or arm.n < arm.task.k:
@@ -272,9 +311,26 @@ class HandsApproach(Approach):
             )
         super().check_start()
 
+    @cached_property
+    def turns(self) -> dict[str, int]:
+        """Number of the turn in which each frame is grasped, from 0 on."""
+        groups = in_turn(self.asked)
+        return {frame: i for i, group in enumerate(groups) for frame in group.values()}
+
+    @property
+    def duration(self) -> tuple[float, float]:
+        """How long the tips take up the target's motion, and how long all close in [s]."""
+        takes_up, close = super().duration
+        return takes_up, (1 + max(self.turns.values())) * close
+
+    def closes(self, grapple: str) -> tuple[float, float]:
+        """When the tip of a grapple frame begins to close in, and how long that takes [s]."""
+        takes_up, close = super().duration
+        return takes_up + self.turns[grapple] * close, close
+
     @property
     def choices(self) -> tuple[str, ...]:
-        """All frames at once, the only choice."""
+        """All frames together, the only choice."""
         return (", ".join(self.grapples),)
 
     @cached_property
@@ -383,6 +439,8 @@ class HandsApproach(Approach):
             )
         end, met = chase[-1], target.at(t)
         frames = dict(zip(arm.tips, self.grapples, strict=True))
+        takes = sum(self.duration)
+        grasped = {tip: t - takes + sum(self.closes(name)) for tip, name in frames.items()}
         held = hold(end, target.replace(pose=met.pose), frames, fixed=True, limits=False)
         hit = impact(held, chase.dq[-1], met.twist)
         held = replace(held, configuration=held.configuration.with_momentum(hit.momentum))
@@ -413,6 +471,7 @@ class HandsApproach(Approach):
             wheel_load=(),
             tried=(),
             held=held,
+            grasped=MappingProxyType(grasped),
         )
 
     def _braked(self, held: Held, dq: Array, rates: Array, least: float) -> ClosedBraking:

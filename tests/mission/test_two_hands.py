@@ -1,4 +1,4 @@
-"""Catches by two hands: contact of both at once, braking along closure, momentum, refusals."""
+"""Catches by two hands: contact at once or in turn, braking along closure, momentum, refusals."""
 
 from dataclasses import replace
 
@@ -11,6 +11,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 import spacearm as sa
 from spacearm.mission.two_hands import HandsApproach, impact, stopping
+from spacearm.motion.flights import Grasp, held_loads
 
 START = np.array([-0.3, -1.5, 2.1, -0.6, 1.3, -1.6] * 2)
 HANDS = {"left": "a", "right": "b"}
@@ -36,6 +37,12 @@ def panel(**changes) -> sa.Target:
 def caught(start) -> sa.Catch:
     search = sa.Search(timeout=3600.0, method="straight")
     return sa.catch(start, panel(), HANDS, window=(12, 12), approach=0.1, wanted=1, search=search)
+
+
+@pytest.fixture(scope="module")
+def in_turn(start) -> sa.Catch:
+    search, turns = sa.Search(timeout=3600.0, method="straight"), [{"right": "b"}, {"left": "a"}]
+    return sa.catch(start, panel(), turns, window=(14, 14), approach=0.1, wanted=1, search=search)
 
 
 class Parts:
@@ -80,6 +87,23 @@ def momentum_map(target, pose) -> np.ndarray:
     return np.vstack((linear, spin + pin.skew(pose.translation + lever) @ linear))
 
 
+def spacecraft(y) -> pin.SE3:
+    """The pose of place and quaternion (7,)."""
+    return pin.SE3(pin.Quaternion(y[3:] / np.linalg.norm(y[3:])).matrix(), y[:3].copy())
+
+
+def drifted(parts, joints, momentum, y, span):
+    """Where the spacecraft drifts while the joints move, by an integration of its own."""
+
+    def rate(t, y):
+        v = parts(t, y).spacecraft(joints(t, 1), momentum)
+        turn = pin.Quaternion(y[3:] / np.linalg.norm(y[3:]))
+        spin = (turn * pin.Quaternion(0.0, *v[3:])).coeffs() / 2
+        return np.concatenate((turn.matrix() @ v[:3], spin))
+
+    return solve_ivp(rate, span, y, rtol=1e-9, atol=1e-11, dense_output=True)
+
+
 @pytest.mark.slow
 def test_at_contact_both_tips_have_pose_and_twist_of_their_frames(caught):
     """By Pinocchio's Jacobians with zero momentum; twists of the frames by differences of poses."""
@@ -102,25 +126,17 @@ def test_at_contact_both_tips_have_pose_and_twist_of_their_frames(caught):
 
 
 @pytest.mark.slow
-def test_the_braking_keeps_closure_and_the_momentum_of_the_target(caught):
+def test_the_braking_keeps_closure_and_the_momentum_of_the_target(in_turn):
     """Its joints alone, through a spline; the spacecraft by an integration of its own."""
-    brake, target, arm = caught.brake, caught.target, caught.arm
-    met, grasp = target.at(caught.t), target.grapples["a"]
+    brake, target, arm = in_turn.brake, in_turn.target, in_turn.arm
+    met, grasp = target.at(in_turn.t), target.grapples["a"]
     momentum = momentum_map(target, met.pose) @ met.twist
     joints = CubicHermiteSpline(brake.t, brake.q, brake.dq)
 
     def parts(t, y) -> Parts:
-        R = pin.Quaternion(y[3:] / np.linalg.norm(y[3:])).matrix()
-        return Parts(arm, joints(t), pin.SE3(R, y[:3].copy()), target, grasp)
+        return Parts(arm, joints(t), spacecraft(y), target, grasp)
 
-    def rate(t, y):
-        v = parts(t, y).spacecraft(joints(t, 1), momentum)
-        turn = pin.Quaternion(y[3:] / np.linalg.norm(y[3:]))
-        spin = (turn * pin.Quaternion(0.0, *v[3:])).coeffs() / 2
-        return np.concatenate((turn.matrix() @ v[:3], spin))
-
-    run = solve_ivp(rate, brake.t[[0, -1]], brake.base[0], rtol=1e-9, atol=1e-11)
-    end = run.y[:, -1]
+    end = drifted(parts, joints, momentum, brake.base[0], brake.t[[0, -1]]).y[:, -1]
     np.testing.assert_allclose(end[:3], brake.base[-1, :3], rtol=0, atol=1e-7)
     turned = pin.Quaternion(end[3:]).inverse() * pin.Quaternion(brake.base[-1, 3:])
     assert np.linalg.norm(pin.log3(turned.matrix())) < 1e-7
@@ -130,14 +146,14 @@ def test_the_braking_keeps_closure_and_the_momentum_of_the_target(caught):
         assert np.linalg.norm(pin.log6(off).vector) < 1e-6  # between the rows, too
     assert max(brake.gap.max(), brake.gap_angle.max()) < 1e-9
     assert np.abs(brake.dq[-1]).max() < 1e-9
-    np.testing.assert_allclose(brake.dq[0], caught.chase.dq[-1], rtol=0, atol=1e-6)
-    np.testing.assert_allclose(caught.momentum[:3], momentum[:3], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(brake.dq[0], in_turn.chase.dq[-1], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(in_turn.momentum[:3], momentum[:3], rtol=0, atol=1e-6)
 
 
 @pytest.mark.slow
-def test_what_both_grapples_bear_changes_the_momentum_of_the_target(caught):
+def test_what_both_grapples_bear_changes_the_momentum_of_the_target(in_turn):
     """The integral of both wrenches about the origin is what its momentum changes by."""
-    brake, target = caught.brake, caught.target
+    brake, target = in_turn.brake, in_turn.target
     given = list[np.ndarray]()
     for cfg, wrenches in zip(brake, brake.wrench.reshape(len(brake), 2, 2, 3), strict=True):
         total = np.zeros(6)
@@ -145,10 +161,10 @@ def test_what_both_grapples_bear_changes_the_momentum_of_the_target(caught):
             f = tip.rotation @ force
             total += [*f, *(tip.rotation @ moment + np.cross(tip.translation, f))]
         given.append(total)
-    met, last, grasp = target.at(caught.t), brake[-1], target.grapples["a"]
+    met, last, grasp = target.at(in_turn.t), brake[-1], target.grapples["a"]
     before = momentum_map(target, met.pose) @ met.twist
     pose = last.tips[0] * grasp.inverse()
-    parts = Parts(caught.arm, last.q, last.base, target, grasp)
+    parts = Parts(in_turn.arm, last.q, last.base, target, grasp)
     v = np.append(parts.spacecraft(np.zeros(12), before), np.zeros(12))
     after = momentum_map(target, pose) @ about(pose, parts.tips[0]) @ parts.J[0] @ v
     change = after - before
@@ -157,15 +173,41 @@ def test_what_both_grapples_bear_changes_the_momentum_of_the_target(caught):
 
 
 @pytest.mark.slow
-def test_weaker_grapples_are_braked_more_slowly(caught, start):
+def test_a_hand_that_holds_moves_with_the_target_while_the_other_closes_in(in_turn):
+    """By its joints alone, without momentum: the target tumbles on as if nothing held it."""
+    chase, arm, target = in_turn.chase, in_turn.arm, in_turn.target
+    clock = in_turn.t - chase.t[-1] + chase.t
+    first, last = in_turn.grasped["right"], in_turn.grasped["left"]
+    assert (first, last) == (pytest.approx(12.0), 14.0)
+    assert "right grasps after 12 s" in repr(in_turn.describe())
+    joints = CubicHermiteSpline(clock, chase.q, chase.dq)
+    row = int(np.searchsorted(clock, first))
+
+    def parts(t, y) -> Parts:
+        return Parts(arm, joints(t), spacecraft(y))
+
+    way = drifted(parts, joints, 0.0, chase.base[row], clock[[row, -1]])
+    for t in np.linspace(clock[row], last, 20):
+        left, right = parts(t, way.sol(t)).tips
+        off = right.actInv(target.at(t, "b").pose)
+        assert np.linalg.norm(pin.log6(off).vector) < 1e-6
+        closes = left.actInv(target.at(t, "a").pose)  # along its z axis
+        np.testing.assert_allclose(closes.translation[:2], 0.0, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(closes.rotation, np.eye(3), rtol=0, atol=1e-6)
+    assert in_turn.place_error < 1e-7
+    np.testing.assert_allclose(in_turn.brake.dq[0], chase.dq[-1], rtol=0, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_weaker_grapples_are_braked_more_slowly(in_turn, start):
     """Within the limit, and longer, from the same rates on."""
-    quick = caught.brake
+    quick = in_turn.brake
 
     def braked(bears) -> sa.Motion:
         request = HandsApproach.of(
-            start, caught.target, HANDS, (12, 12), 0.1, 0.05, None, bears, sa.Constraints(), FREE
+            start, in_turn.target, HANDS, (12, 12), 0.1, 0.05, None, bears, sa.Constraints(), FREE
         )
-        return request._braked(caught.held, quick.dq[0], np.full(12, 1.0), 0.01)
+        return request._braked(in_turn.held, quick.dq[0], np.full(12, 1.0), 0.01)
 
     slow = braked(0.3 * quick.borne)
     assert slow.t[-1] > quick.t[-1]
@@ -175,27 +217,72 @@ def test_weaker_grapples_are_braked_more_slowly(caught, start):
 
 
 @pytest.mark.slow
-def test_in_flight_both_hands_grasp_and_the_joints_come_to_rest(caught):
-    """Simulated with closure forces; a target that differs costs energy. Both are drawn."""
-    flight = caught.fly(integration=COARSE)
-    assert flight.names == ("approach", "closing in", "braking")
-    run = flight.phases[-1]
-    assert run.ended == "duration"
-    assert max(run.gap.max(), run.gap_angle.max()) < 1e-9
-    assert np.abs(run.dq[-1]).max() < 1e-5
-    target = caught.target
+def test_in_flight_hands_grasp_in_turn_and_the_joints_come_to_rest(in_turn):
+    """Simulated with closure forces, which are what changes the target's momentum. It is drawn."""
+    flight, target = in_turn.fly(integration=COARSE), in_turn.target
+    assert flight.names == ("approach", "closing in, right", "closing in, left", "braking")
+    assert [event.t for event in flight.events if event.kind == "grasp"] == [
+        pytest.approx(12.0), 14.0
+    ]  # fmt: skip
+    *_, one, both = flight.phases
+    assert set(one.grasps) == {"right"}
     moving = 0.5 * target.mass * float(target.cm[1] @ target.cm[1])
-    assert -1e-12 < flight.captures[0].energy_lost < 1e-5 * moving
-    np.testing.assert_allclose(run.momentum[-1], caught.momentum, rtol=0, atol=1e-5)
-    np.testing.assert_allclose(run.q[-1], caught.brake.q[-1], rtol=0, atol=1e-5)
+    for run, hit in zip((one, both), flight.captures, strict=True):
+        assert run.ended == "duration"
+        assert max(run.gap.max(), run.gap_angle.max()) < 1e-9
+        assert -1e-12 < hit.energy_lost < 1e-5 * moving
+        np.testing.assert_allclose(run.momentum[-1], in_turn.momentum, rtol=0, atol=1e-5)
+    assert np.abs(both.dq[-1]).max() < 1e-5
+    np.testing.assert_allclose(both.q[-1], in_turn.brake.q[-1], rtol=0, atol=1e-5)
     assert flight.tip_wrench.shape == (len(flight), 12)
-    for drawn in (sa.plot(caught), sa.plot(flight)):
+    held = flight.tip_wrench[(flight.t > one.t[1] + 12.0) & (flight.t <= 14.0)]
+    assert np.abs(held).max() < 0.1 * np.abs(in_turn.brake.wrench).max()  # it is only followed
+    bus = pin.XYZQUATToSE3(one.target[-1]).inverse() * target.at(14.0).pose
+    assert np.linalg.norm(pin.log6(bus).vector) < 1e-5  # nothing has braked it
+    for drawn in (sa.plot(in_turn), sa.plot(flight)):
         assert len(drawn.axes) >= 3
     viewer = sa.view(flight, open=False)
-    viewer.target(caught)
+    viewer.target(in_turn)
     assert "/spacearm/target" in viewer._stage.poses()["nodes"]
     with pytest.raises(sa.UnsupportedError, match="several tips"):
-        sa.fly_many(caught)
+        sa.fly_many(in_turn)
+
+
+def test_a_target_that_one_tip_holds_moves_as_a_payload(start):
+    """The accelerations are those of an arm that has grasped it, and so are momentum and wrench."""
+    one = start.arm.replace(tip="left", joints=start.arm.joint_names).at(START)
+    bus, grasp = panel(), sa.pose((-0.15, 0.3, 0), (0.1, np.pi / 2, 0))
+    held = sa.hold(one, bus.replace(pose=one.tip * grasp.inverse()), {"left": grasp})
+    torque = np.linspace(-1.0, 1.0, 12)
+    run = held.simulate(lambda *_: torque, 0.2, integration=COARSE)
+    R, com = grasp.rotation, grasp.actInv(bus.com)
+    body = Grasp(mass=bus.mass, inertia=R.T @ bus.inertia @ R, com=com)
+    whole = one.arm.grasp(mass=body.mass, inertia=body.inertia, com=com)
+    for i in (0, -1):
+        cfg = whole.at(run.q[i], base=run[i].base)
+        tau, wrench = held_loads(cfg, run.dq[i], run.ddq[i], body)
+        np.testing.assert_allclose(tau, torque, rtol=0, atol=1e-6)
+        turned = np.kron(np.eye(2), cfg.tip.rotation) @ wrench
+        np.testing.assert_allclose(run.grasps["left"][i], turned, rtol=0, atol=1e-6)
+    assert run.gap.max() < 1e-12
+
+
+def test_hands_that_grasp_in_turn_close_in_one_after_the_other(start):
+    """All follow the target; the one whose turn it is comes nearer along its axis."""
+    turns = [{"right": "b"}, {"left": "a"}]
+    given = start, panel(), turns, (14, 20), 0.1, 0.05, None, (9, 9), sa.Constraints(), FREE
+    request = HandsApproach.of(*given)
+    assert request.duration == (2.0, 4.0)
+    ways = {name: request.path(14.0, name, nodes=6) for name in ("a", "b")}
+    for name, begins in (("b", 2.0), ("a", 4.0)):
+        poses, clock = ways[name]
+        joined = [(t, pose) for t, pose in zip(clock, poses, strict=True) if t >= 2.0]
+        off = [panel().at(8.0 + t, name).pose.actInv(pose).translation for t, pose in joined]
+        np.testing.assert_allclose(np.array(off)[:, :2], 0.0, rtol=0, atol=1e-12)
+        t, far = np.array([t for t, _ in joined]), -np.array(off)[:, 2]
+        np.testing.assert_allclose(far[t <= begins], 0.1, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(far[t >= begins + 2.0], 0.0, rtol=0, atol=1e-12)
+        assert (np.diff(far) <= 1e-12).all()
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -241,6 +328,7 @@ def test_the_screw_that_stops_begins_with_its_twist_and_ends_at_rest():
         ({}, {"grapple": {"left": "a", "middle": "b"}}, sa.ConfigurationError, "each tip of"),
         ({}, {"grapple": {"left": "a", "right": "c"}}, sa.ConfigurationError, "'c'"),
         ({}, {"grapple": {"left": "a", "right": "a"}}, sa.ConfigurationError, "frame of its own"),
+        ({}, {"grapple": [HANDS, {"left": "b"}]}, sa.ConfigurationError, "each tip of"),
         ({}, {"mode": "attitude-controlled"}, sa.UnsupportedError, "leave out mode"),
         ({"momentum": [0, 0, 0, 1, 0, 0]}, {}, sa.UnsupportedError, "momentum on board"),
     ],
