@@ -1,7 +1,9 @@
 """Settings of the site: `python -m sphinx -W docs docs/_build/html` builds it."""
 
+import os
 import shutil
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version as installed
 from pathlib import Path
 
@@ -65,9 +67,7 @@ suppress_warnings = ["ref.python"]  # fields of several classes have one name
 def setup(app):
     """Write what is generated, copy the lessons; check all links of the pages at the end."""
     generated.write(HERE)
-    examples.write(HERE)
-    recorded.write(HERE)
-    stories.write(HERE)
+    run([*stories.jobs(HERE), *recorded.jobs(HERE), *examples.jobs(HERE)])
     app.extensions["sphinx-mathjax-offline"].parallel_read_safe = True  # it adds files alone
     copy_lessons()
     app.connect("source-read", stories.answered)
@@ -76,6 +76,12 @@ def setup(app):
     app.connect("doctree-read", parameters.tabulate)
     app.connect("build-finished", links.check)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def run(jobs) -> None:
+    """Do what starts processes of its own, as many at a time as there are processors."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(lambda job: job(), jobs))
 
 
 def copy_lessons() -> None:

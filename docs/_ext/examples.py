@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -13,20 +13,21 @@ MISSING = "UnsupportedError", "ModuleNotFoundError"
 """Errors of an example whose extra is not installed."""
 
 
-def write(docs: Path) -> None:
-    """Run the examples that have changed; their output and pictures go to generated/examples.
-
-    Raises:
-        RuntimeError: An example fails or warns.
-    """
+def jobs(docs: Path) -> list[Callable[[], None]]:
+    """Return what runs each example; its output and pictures go to generated/examples."""
     folder = docs / "generated" / "examples"
     folder.mkdir(parents=True, exist_ok=True)
-    with ThreadPoolExecutor(os.cpu_count()) as pool:  # they run in processes of their own
-        list(pool.map(partial(_keep, folder), (docs.parent / "examples").glob("*.py")))
+    return [
+        partial(_keep, folder, path) for path in sorted((docs.parent / "examples").glob("*.py"))
+    ]
 
 
 def _keep(folder: Path, path: Path) -> None:
-    """Write what an example prints, unless that is newer than the example."""
+    """Write what an example prints, unless that is newer than the example.
+
+    Raises:
+        RuntimeError: The example fails or warns.
+    """
     said = folder / f"{path.stem}.txt"
     if not said.exists() or said.stat().st_mtime < path.stat().st_mtime:
         said.write_text(_output(path.resolve(), folder), encoding="utf-8")

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor, wait
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -42,22 +45,22 @@ def catch() -> Viewer:
     return sa.view(sa.catch(start, debris, window=(10, 30), wanted=1), open=False)
 
 
-SCENES = (turn, servicer, catch)
+SCENES = {"turn": turn, "servicer": servicer, "catch": catch}
 
 
-def write(docs: Path) -> None:
-    """Record the scenes that are missing or older than this module."""
+def jobs(docs: Path) -> list[Callable[[], None]]:
+    """Return what records each scene in a process of its own."""
     folder = docs / "generated" / "site" / "recorded"
     folder.mkdir(parents=True, exist_ok=True)
-    with ProcessPoolExecutor() as pool:
-        done = [pool.submit(_keep, folder, number) for number in range(len(SCENES))]
-        wait(done)
-        for each in done:
-            each.result()
+    return [partial(_keep, folder / f"{name}.html") for name in SCENES]
 
 
-def _keep(folder: Path, number: int) -> None:
-    scene = SCENES[number]
-    page = folder / f"{scene.__name__}.html"
+def _keep(page: Path) -> None:
+    """Record a scene, unless its page is newer than this module."""
     if not page.exists() or page.stat().st_mtime < Path(__file__).stat().st_mtime:
-        scene().save(page)
+        subprocess.run([sys.executable, __file__, page], check=True)
+
+
+if __name__ == "__main__":
+    written = Path(sys.argv[1])
+    SCENES[written.stem]().save(written)

@@ -8,7 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -21,18 +21,17 @@ def pages(docs: Path) -> list[Path]:
     return [*sorted((docs / "stories").glob("*.md")), docs / "faq.md"]
 
 
-def write(docs: Path) -> None:
-    """Run the pages that have changed; answers and pictures go to generated/stories.
-
-    Raises:
-        RuntimeError: A command of a page fails.
-    """
-    with ThreadPoolExecutor(os.cpu_count()) as pool:  # they run in processes of their own
-        list(pool.map(partial(_keep, docs), pages(docs)))
+def jobs(docs: Path) -> list[Callable[[], None]]:
+    """Return what runs each page; answers and pictures go to generated/stories."""
+    return [partial(_keep, docs, page) for page in pages(docs)]
 
 
 def _keep(docs: Path, page: Path) -> None:
-    """Write what the blocks of a page print, unless that is newer than page and files."""
+    """Write what the blocks of a page print, unless that is newer than page and files.
+
+    Raises:
+        RuntimeError: A command of the page fails.
+    """
     folder = docs / "generated" / "stories" / page.stem
     said, files = folder / "answers.json", sorted((docs / "stories").glob("[!.]*.*"))
     newest = max(path.stat().st_mtime for path in (page, *files))

@@ -37,7 +37,7 @@ from spacearm.mission.catch_report import Catch, grasp_of, in_hand
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.following import Followed, follow
-from spacearm.motion.goal import out_of_reach
+from spacearm.motion.goal import goal_axes, out_of_reach, twist_between
 from spacearm.motion.motion import Motion, samples
 from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.many_curves import drifting_attitudes, rotation_vectors, rotations_of
@@ -62,6 +62,10 @@ NODES = 400
 PROVEN, MOST = math.radians(20.0), 0.7
 #: The same of an approach that is rehearsed.
 COARSE = 10
+#: Rows of the tasks that are poses, of planar arms and others.
+PLANE, SPACE = (0, 1, 5), (0, 1, 2, 3, 4, 5)
+#: How far a grapple frame may be off the plane in which a planar arm moves [m], [rad].
+OFF_PLANE = 1e-6
 NO_WAY = "no straight way leads to where the tip could close in"
 #: Intervals into which the first contacts divide the window.
 TIMES = 12
@@ -139,11 +143,11 @@ class Approach:
             ConfigurationError: There is no such frame.
             UnsupportedError: The arm has several tips, or its task is no pose.
         """
-        if len(arm.tips) > 1 or arm.task.k < 6:
+        if len(arm.tips) > 1 or tuple(arm.task.indices) not in (PLANE, SPACE):
             raise UnsupportedError(
                 f"{arm.name} has the task {arm.task.names!r} of {len(arm.tips)} tip(s); a target "
-                "is caught by the pose of one, sa.load(..., task='pose'), or by several at once, "
-                "grapple={tip: frame}"
+                "is caught by the pose of one, sa.load(..., task='pose'), of a planar arm "
+                "task='x y rz', or by several at once, grapple={tip: frame}"
             )
         name = grapple if isinstance(grapple, str) else None
         for given in in_turn(grapple):
@@ -153,6 +157,11 @@ class Approach:
             return tuple(target.grapples)
         require_known(f"grapple of {target.name}", name, target.grapples)
         return (name,)
+
+    @property
+    def axis(self) -> Array:
+        """The axis of a grapple frame that points into the target: z, for planar arms x."""
+        return np.eye(3)[0 if len(self.start.arm.task.rows) < len(SPACE) else 2]
 
     @property
     def choices(self) -> tuple[str, ...]:
@@ -224,7 +233,7 @@ class Approach:
 
     def rank(self, t: float, grapple: str) -> tuple[bool, float]:
         """Return, of a frame at a time, what `away` does: what is tried first is the least."""
-        return away(self.drifted(t), self.target.at(t, grapple).pose)
+        return away(self.drifted(t), self.target.at(t, grapple).pose, self.axis)
 
     def path(
         self, t: float, grapple: str, first: Configuration | None = None, nodes: int = NODES
@@ -251,8 +260,7 @@ class Approach:
         away = self.approach * (1.0 - eased(np.clip((clock - since) / lasts, 0.0, 1.0)))
         frames = [self.target.at(begin + float(s), grapple).pose for s in clock]
         frames = [
-            pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, -d]))
-            for pose, d in zip(frames, away, strict=True)
+            pose * pin.SE3(np.eye(3), -d * self.axis) for pose, d in zip(frames, away, strict=True)
         ]
         return frames, joined, clock
 
@@ -286,7 +294,7 @@ class Approach:
             SpaceArmError: There is none, or none was found.
         """
         poses, clock = self.path(t, grapple, nodes=1)
-        if why := out_of_reach(self.drifted(t), poses[-1]):
+        if why := self._out_of_plane(poses) or out_of_reach(self.drifted(t), poses[-1]):
             raise ImpossibleError(why)
         stands, ends = t - float(clock[-1]), time.monotonic() + lasts
         failed = NoSolutionError(NO_WAY)
@@ -302,6 +310,19 @@ class Approach:
             raise failed
         look = replace(search, timeout=min(left, search.timeout))
         return self._caught(t, grapple, self._reach(poses[0], stands, look))
+
+    def _out_of_plane(self, poses: list[pin.SE3]) -> str:
+        """Return a message if a planar arm cannot come to poses since they leave its plane."""
+        cfg, arm = self.start, self.start.arm
+        others = [i for i in SPACE if i not in arm.task.indices]
+        ways = [twist_between(cfg.tip, pose).reshape(2, 3) @ goal_axes(cfg) for pose in poses]
+        off = float(np.abs([way.ravel()[others] for way in ways]).max(initial=0.0))
+        if off <= OFF_PLANE:
+            return ""
+        return (
+            f"the grapple frame is up to {off:.3g} m or rad off the plane in which the tip of "
+            f"{arm.name} moves"
+        )
 
     def straight(self, t: float, grapple: str, search: Search) -> Iterator[Joints]:
         """Yield where straight ways to the stand-off end from which the tip can be led to contact.
@@ -599,11 +620,10 @@ def in_turn(grapple: Grapple) -> list[Mapping[str, str]]:
     return [grapple] if isinstance(grapple, Mapping) else [*grapple]
 
 
-def away(cfg: Configuration, pose: pin.SE3) -> tuple[bool, float]:
+def away(cfg: Configuration, pose: pin.SE3, axis: Array) -> tuple[bool, float]:
     """Return whether a frame is out of reach, and the cosine by which its open side looks away."""
     off = float(np.linalg.norm(pose.translation - cfg.com))
-    blocked = pose.act(np.array([0.0, 0.0, -1.0])) - pose.translation
-    facing = blocked @ (cfg.com - pose.translation) / max(off, 1e-9)
+    facing = -(pose.rotation @ axis) @ (cfg.com - pose.translation) / max(off, 1e-9)
     return bool(out_of_reach(cfg, pose)), -float(facing)
 
 

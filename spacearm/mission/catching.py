@@ -63,7 +63,7 @@ def catch(
             target while the next one closes in, and all brake once the last one has grasped.
         window: Earliest and latest contact, of several the last one [s].
         approach: Distance of the stand-off, from which the tip closes in along the z axis of the
-            grapple frame [m].
+            grapple frame, with a planar arm along its x axis [m].
         closing: Mean speed at which it closes in [m/s].
         touching: Links of the arm that may touch the target; if None those that move as the tip.
         bears: Largest force [N] and largest moment [N m] that the grapple bears at the tip while
@@ -81,7 +81,8 @@ def catch(
 
     Raises:
         ConfigurationError: An argument does not make sense.
-        UnsupportedError: The arm has several tips, its task is no pose, or wheels cannot hold it.
+        UnsupportedError: The arm has several tips, its task is no pose (in space, or in the plane
+            of the arm), or wheels cannot hold it.
         NoSolutionError: Nothing tried catches the target; says why, for each time and frame.
 
     Example:

@@ -359,7 +359,7 @@ class HandsApproach(Approach):
     def rank(self, t: float, _: str) -> tuple[bool, float]:
         """Return whether a frame is out of reach at a time, and how much one looks away at most."""
         hands = self.hands(self.start)
-        return max(away(cfg, self.target.at(t, name).pose) for cfg, name in hands)
+        return max(away(cfg, self.target.at(t, name).pose, self.axis) for cfg, name in hands)
 
     def straight(self, *_: object) -> Iterator[Joints]:
         """Yield once: tips are led along straight lines once for each time."""

@@ -395,6 +395,29 @@ def test_random_targets_before_the_hand_are_caught(seed):
     assert np.abs(catch.twist_error).max() < 1e-5
 
 
+@pytest.mark.slow
+def test_a_planar_arm_catches_what_stays_in_its_plane():
+    """The x axis of its frame points into the target; the twist is that of free motion."""
+    start = sa.load("planar3").at([0.2, 0.9, 0.7])
+    stand_off = sa.move(start, [-0.3, 1.6, 0.4]).tip
+    puck = sa.Target(
+        sa.Bus(20, size=(0.3, 0.3, 0.3), name="puck"), stand_off * sa.pose((0.2, 0, 0)),
+        twist=(-0.001, 0.001, 0, 0, 0, 0.01), grapples={"side": sa.pose((-0.16, 0, 0))},
+    )  # fmt: skip
+    catch = sa.catch(start, puck, window=(12.5, 12.5), wanted=1, search=STRAIGHT)
+    frame, end = puck.at(12.5, "side"), catch.chase[-1]
+    assert np.linalg.norm(pin.log6(end.tip.actInv(frame.pose)).vector) < 1e-7
+    slip = sa.generalized_jacobian(end) @ catch.chase.dq[-1] - frame.twist
+    np.testing.assert_allclose(slip, np.zeros(6), rtol=0, atol=1e-6)
+    assert catch.distance_proven > 0.1
+    np.testing.assert_allclose(catch.momentum[[2, 3, 4]], np.zeros(3), rtol=0, atol=1e-12)
+    lifted = puck.replace(twist=(0, 0, 0.001, 0, 0, 0.01))
+    with pytest.raises(sa.NoSolutionError, match="off the plane in which the tip of planar3 moves"):
+        sa.catch(start, lifted, window=(12.5, 12.5), wanted=1)
+    with pytest.raises(sa.UnsupportedError, match="of a planar arm task='x y rz'"):
+        sa.catch(sa.load("planar2").at([0.2, 0.9]), puck)
+
+
 def test_a_method_is_that_of_the_ways_to_the_stand_off():
     """With "straight" no others are looked for."""
     start = sa.load("chaser7").at(START)
