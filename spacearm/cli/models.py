@@ -9,7 +9,7 @@ import typer
 
 import spacearm as sa
 from spacearm.cli import options as opt
-from spacearm.cli.output import out, print_description, print_json
+from spacearm.cli.output import print_description, print_json
 from spacearm.errors import listed
 from spacearm.results import Cell, Column, Description, Table
 
@@ -88,7 +88,6 @@ def write_model(
     positions = opt.assignments("--home", home).items()
     arm = arm.with_home({name: opt.si(known.get(name), q, deg) for name, q in positions})
     path = arm.to_urdf(output)
-    for note in arm.notes:
-        out.print(f"note: {note}")
     tips, joints = ", ".join(arm.tips), listed(arm.joint_names)
-    out.print(f"{path}: {arm.name}, {arm.mass:.6g} kg, tip {tips}, {arm.n} joints: {joints}")
+    said = f"{path}: {arm.name}, {arm.mass:.6g} kg, tip {tips}, {arm.n} joints: {joints}"
+    print_description(Description(title=said, notes=[f"note: {note}" for note in arm.notes]))

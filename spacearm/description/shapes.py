@@ -317,6 +317,20 @@ def _bounds(path: Path, _: int) -> Array | None:
     return np.stack((points.min(axis=0), points.max(axis=0))) if len(points) else None
 
 
+#: The up axis that a COLLADA file states, in its head.
+UP_AXIS = re.compile(rb"<(?:\w+:)?up_axis>\s*([XYZ]_UP)")
+
+
+def up_axis(path: Path) -> str | None:
+    """Return the up axis that a COLLADA file states, as "Y_UP"; None where there is none."""
+    try:
+        head = read(path, LARGEST_MESH).partition(b"</asset>")[0]
+    except (OSError, ValueError):
+        return None
+    stated = UP_AXIS.search(head) if path.suffix.lower() == ".dae" else None
+    return stated[1].decode() if stated else None
+
+
 def read_mesh(path: Path) -> trimesh.Trimesh:
     """Read the triangles of a mesh file in metres, without textures.
 

@@ -142,6 +142,9 @@ def test_mount_writes_one_urdf(arm_alone, tmp_path):
     third = spacearm("mount", "ur5", "--bus", f"{path}@0,0.5,0", "--name", "side", "-o", path)
     assert "tip side_tool0, 6 joints: side_shoulder_pan_joint" in " ".join(third.stdout.split())
     assert sa.load(path, tip=("ur5", "ur5_2", "side")).n == 18
+    hopeless = spacearm("mount", arm_alone, "--bus", "90:1,1,1", "--task", "x y z", "-o", path)
+    assert "--task 'x y' or" in " ".join(hopeless.stdout.split())
+    assert "task=" not in hopeless.stdout
     unbolted = spacearm("mount", path, "--name", "left", "-o", path)
     assert "--name left: give the bus that the arm is mounted on: --bus KG" in unbolted.stderr
     missing = spacearm("mount", arm_alone, "-o", path)

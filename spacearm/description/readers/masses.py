@@ -9,8 +9,9 @@ joints is left that moves no mass at all.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import coal
@@ -57,7 +58,23 @@ def checked(source: Source, tree: Tree) -> Tree:
     drawn = {} if source.reading.known else tree.visuals
     for doubt in implausible(replace(tree, visuals=drawn), estimated):
         source.warn(doubt)
+    if unheeded := sorted(set(_turned(drawn.values()))):
+        source.note(
+            f"the up axes of meshes do not count, as in RViz and Gazebo: {listed(unheeded)}; "
+            "turn a mesh by the rpy of its <origin> if it counts on its own"
+        )
     return tree
+
+
+def _turned(solids: Iterable[shapes.Visuals]) -> Iterator[str]:
+    """Yield the meshes that state an up axis other than z, which nobody turns them by."""
+    for shape in chain.from_iterable((*both.visual, *both.collision) for both in solids):
+        match shape.geometry:
+            case shapes.Mesh(name, Path() as file) if (axis := shapes.up_axis(file)) not in (
+                None,
+                "Z_UP",
+            ):
+                yield f"{name!r} ({axis})"
 
 
 def _require_masses(source: Source, tree: Tree) -> None:
