@@ -248,7 +248,7 @@ class Obstacle:
         scale: float = 1.0,
         **options: Any,
     ) -> Obstacle:
-        """Return the convex hull of a mesh file (STL, OBJ, DAE, PLY, GLB).
+        """Return the convex hull of a mesh file (STL, OBJ, DAE, PLY, glTF, GLB).
 
         Args:
             path: The file, in metres after the factor `scale`.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import logging
 import re
 import zipfile
@@ -274,7 +275,7 @@ MANY_TRIANGLES = 800
 CELLS = (64, 45, 32, 23, 16, 11, 8)
 #: Number of triangles that a mesh keeps at least, if it has them.
 FEWEST = 100
-FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb")
+FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf")
 #: Largest size of a mesh file [bytes].
 LARGEST_MESH = 10**8
 #: Largest number of triangles of a mesh: a file may place one part any number of times.
@@ -335,8 +336,8 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
     """Read the triangles of a mesh file in metres, without textures.
 
     The unit that a COLLADA file states is applied. Its up axis is not: a robot file places a mesh
-    by the axes of its coordinates, as RViz and Gazebo show it. The y axis of glTF (GLB), which is
-    up in all files of this format, becomes z, as in RViz and Drake.
+    by the axes of its coordinates, as RViz and Gazebo show it. The y axis of glTF (and GLB), which
+    is up in all files of this format, becomes z, as in RViz and Drake.
 
     Raises:
         ModelError: The format is not one of `FORMATS`, or the file is too large, broken, without
@@ -373,7 +374,12 @@ def _mesh(path: Path) -> trimesh.Trimesh:
     if suffix == ".dae":
         content, metre = _plain(content)
     with np.errstate(all="ignore"):  # what overflows is found below
-        scene = trimesh.load_scene(io.BytesIO(content), file_type=suffix[1:], process=False)
+        scene = trimesh.load_scene(
+            io.BytesIO(content),
+            file_type=suffix[1:],
+            resolver=_buffers(path, content) if suffix == ".gltf" else None,
+            process=False,
+        )
         solids = {n: p for n, p in scene.geometry.items() if isinstance(p, trimesh.Trimesh)}
         places = [scene.graph[node][1] for node in scene.graph.nodes_geometry]
         triangles = sum(len(solids[name].faces) for name in places if name in solids)
@@ -383,11 +389,21 @@ def _mesh(path: Path) -> trimesh.Trimesh:
             solid.merge_vertices()
         mesh: trimesh.Trimesh = scene.to_mesh()
         mesh.vertices = metre * np.asarray(mesh.vertices)
-        if suffix == ".glb":
+        if suffix in (".glb", ".gltf"):
             mesh.vertices = mesh.vertices @ Y_UP.T
     if not (np.abs(mesh.vertices) <= LARGEST).all():
         raise ValueError(f"it has coordinates that are not finite or beyond {LARGEST:g}")
     return mesh
+
+
+def _buffers(path: Path, gltf: bytes) -> dict[str, bytes]:
+    """Return the files of numbers that a glTF file names, by these names."""
+    found, left = dict[str, bytes](), LARGEST_MESH
+    for name in {buffer["uri"] for buffer in json.loads(gltf).get("buffers", [])}:
+        if not name.startswith("data:"):
+            found[name] = read(path.parent / name, left)
+            left -= len(found[name])
+    return found
 
 
 def _plain(collada: bytes) -> tuple[bytes, float]:

@@ -128,9 +128,17 @@ def test_text_of_any_length_and_collada_in_metres_are_told_apart(tmp_path):
     assert drawn_by(tmp_path, "visual", '<mesh filename="box.dae"/>')
 
 
-def test_the_y_axis_of_gltf_becomes_z(tmp_path):
-    trimesh.creation.box(EDGES).export(tmp_path / "box.glb")  # as glTF: the second edge is up
-    body = arm_of(tmp_path, '<mesh filename="box.glb"/>').model.inertias[2]
+@pytest.mark.parametrize("kind", ["glb", "gltf", "embedded"])
+def test_the_y_axis_of_gltf_becomes_z(kind, tmp_path):
+    box = trimesh.Scene(trimesh.creation.box(EDGES))  # as glTF: the second edge is up
+    options = {} if kind == "glb" else {"merge_buffers": True, "embed_buffers": kind == "embedded"}
+    written = box.export(file_type="glb" if kind == "glb" else "gltf", **options)
+    files = written if isinstance(written, dict) else {"box.glb": written}
+    name = next(name for name in files if name.endswith(("glb", "gltf")))
+    for file, content in files.items():
+        (tmp_path / file).write_bytes(content)
+    assert len(files) == 1 + (kind == "gltf")
+    body = arm_of(tmp_path, f'<mesh filename="{name}"/>').model.inertias[2]
     x, y, z = EDGES[[0, 2, 1]]
     moments = np.array([y * y + z * z, x * x + z * z, x * x + y * y]) / 12
     np.testing.assert_allclose(body.inertia, body.mass * np.diag(moments), rtol=1e-6, atol=1e-9)
