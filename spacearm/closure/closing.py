@@ -221,7 +221,9 @@ def closed_motions(cfg: Configuration, target: Target | None, mode: BaseMode) ->
 
 def carried(lever: Array) -> Array:
     """Return the twist (6, 6) of a point that a body carries, by that of the body's origin."""
-    return np.block([[np.eye(3), -pin.skew(lever)], [np.zeros((3, 3)), np.eye(3)]])
+    X = np.eye(6)
+    X[:3, 3:] = -pin.skew(lever)
+    return X
 
 
 def target_momentum(target: Target, about: Array) -> Array:

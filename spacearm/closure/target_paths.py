@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, ArrayLike
-from spacearm.closure.closing import Closure, Gaps, closed_motions
+from spacearm.closure.closing import Closure, Gaps, carried, closed_motions
 from spacearm.closure.held_report import closed_distances
 from spacearm.description.tree import Tree, free_name
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
@@ -224,10 +224,10 @@ class TargetCurve(following.TipCurve):
         if self.relative:
             base = cfg.base
             pose, twist = base * pose, np.kron(np.eye(2), base.rotation) @ twist
-        v, w, x = twist[:3], twist[3:], list[Array]()
+        x = list[Array]()
         for tip, grasp in zip(cfg.tips, self.carrying.grasps, strict=True):
             there = pose * grasp
-            moved = np.concatenate((v + np.cross(w, there.translation - pose.translation), w))
+            moved = carried(there.translation - pose.translation) @ twist
             x.append(moved + following.RETURN * goals.twist_between(tip, there))
         return np.concatenate(x)
 

@@ -124,7 +124,7 @@ def closed_state(
     bias = [np.empty(0)]
     for i, twist in enumerate(twists, 1):
         lever = tips[i].translation - tips[0].translation
-        turning = np.concatenate((np.cross(spin, twist[:3] - first[:3]), np.zeros(3)))
+        turning = np.concatenate((pin.skew(spin) @ (twist[:3] - first[:3]), np.zeros(3)))
         open_ = twist_between(grasp * carrying.grasps[i], tips[i])
         opens = twist - carried(lever) @ first
         bias.append(
@@ -185,11 +185,12 @@ def _weight(carrying: Carrying, cfg: Configuration, v: Array, acceleration: Arra
     """
     target, frame = carrying.target, carrying.frame(cfg)
     w, dw = (cfg.J[3:6] @ v), acceleration[3:]
+    W = pin.skew(w)
     lever = frame.act(target.com) - cfg.tips[0].translation
-    force = target.mass * (acceleration[:3] + np.cross(dw, lever) + np.cross(w, np.cross(w, lever)))
+    force = target.mass * (acceleration[:3] + (pin.skew(dw) + W @ W) @ lever)
     I = frame.rotation @ target.inertia @ frame.rotation.T
-    moment = I @ dw + np.cross(w, I @ w)
-    return np.concatenate((force, moment + np.cross(lever, force)))
+    moment = I @ dw + W @ I @ w
+    return np.concatenate((force, moment + pin.skew(lever) @ force))
 
 
 #: Share of the velocities of the tips, and velocity, up to which rates at the start are closed.

@@ -369,8 +369,11 @@ class Tracking(Law):
         if self.motion.wheel_spline is not None:
             turned = cfg.arm.at(cfg.q, base=cfg.base, wheels=self.wheel_torques(t)).stored
             wrenches[cfg.arm.tree.root] = -turned  # on the spacecraft
-        momentum = getattr(self.motion, "momentum", np.zeros((1, 6)))[0]
-        known = self.motion.arm.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=momentum)
+        known = kinematics(self.motion.arm, cfg.q, cfg.base)
+        if (momentum := getattr(self.motion, "momentum", np.zeros((1, 6)))[0]).any():
+            known = known.with_momentum(momentum)
+        if cfg.wheels.any():
+            known = known.with_wheels(cfg.wheels)
         return inverse_dynamics(known, dq, ddq, mode=self.motion.mode, wrenches=wrenches).tau
 
     @property
