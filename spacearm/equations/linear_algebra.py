@@ -84,6 +84,8 @@ def _one_less(columns: tuple[int, ...]) -> list[tuple[int, ...]]:
     return [columns[:j] + columns[j + 1 :] for j in range(len(columns))]
 
 
+#: Rows of the largest determinant that is expanded: each one more doubles the work.
+EXPANDED = 6
 #: L U, the diagonal inverted, of a matrix whose rows were exchanged: (i, j, mask) in order.
 Factors = tuple[list[list[Any]], list[tuple[int, int, Any]]]
 
@@ -121,6 +123,19 @@ def substitute(xp: Any, known: Factors, b: Any) -> Any:
             x[i] = x[i] - LU[i][j] * x[j]
         x[i] = x[i] * LU[i][i]
     return xp.stack(x)
+
+
+def determinant(xp: Any, A: Any) -> Any:
+    """Compute the determinant of A (n, n): by expansion, of a large one from its factors."""
+    if len(A) <= EXPANDED:
+        return minors(A)[0]
+    LU, swaps = factors(xp, A)
+    found = 1.0 / LU[0][0]
+    for i in range(1, len(A)):
+        found = found / LU[i][i]
+    for _, _, mask in swaps:
+        found = xp.where(mask, -found, found)
+    return found
 
 
 #: Bound of the loop; convergence is cubic.

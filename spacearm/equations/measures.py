@@ -22,7 +22,13 @@ import numpy as np
 
 from spacearm.equations import kinematics
 from spacearm.equations.kinematics import COLUMNS, ROWS, SYMMETRIC, Parameters, Structure
-from spacearm.equations.linear_algebra import bidiagonal, least_with_vectors, minors, reciprocal
+from spacearm.equations.linear_algebra import (
+    bidiagonal,
+    determinant,
+    least_with_vectors,
+    minors,
+    reciprocal,
+)
 
 #: Maximal minors of a task Jacobian that S is made of; more would make endless code.
 MOST_MINORS = 250
@@ -43,12 +49,13 @@ def singularity(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
     at = kinematics.posture(xp, tree, p, q)
     J = kinematics.task_jacobian_at(xp, tree, at)
     many = comb(n, k) > MOST_MINORS
-    found = minors(J @ J.T if many else J)
+    one = many or k == n
+    found = xp.stack([determinant(xp, J @ J.T if many else J)]) if one else minors(J)
     if tree.mode == "free-floating":
         i = tree.normal
         D = minors(at.D) if i is None else at.D[i, i : i + 1]
         found = found * (D * D if many else D)
-    return found[0] if many or k == n else (found * found).sum()
+    return found[0] if one else (found * found).sum()
 
 
 def measures(

@@ -19,7 +19,7 @@ from spacearm.equations import laws as control
 from spacearm.equations.dynamics import Loads, accelerations, twists
 from spacearm.equations.kinematics import Parameters, Structure, posture, task_jacobian_at
 from spacearm.equations.laws import Law, Pose, Source, State, attitude, called
-from spacearm.equations.linear_algebra import minors
+from spacearm.equations.linear_algebra import determinant
 
 #: Share of its largest rate from which the torque that drives a joint falls, to zero there.
 SLOWING = 0.9
@@ -360,7 +360,7 @@ def event_values(
         if kind == "determinant":
             J = task_jacobian_at(xp, tree, now.at)
             lengths = xp.sqrt((J * J).sum(axis=1))
-            found.append(minors(J / xp.where(lengths > 0.0, lengths, 1.0)[:, None])[0])
+            found.append(determinant(xp, J / xp.where(lengths > 0.0, lengths, 1.0)[:, None]))
         elif kind == "upper":
             found.append(bound - now.q[index])
         elif kind == "lower":

@@ -10,7 +10,7 @@ import spacearm as sa
 from spacearm.compiler import numbers, symbols
 from spacearm.equations import kinematics, measures
 from spacearm.equations.kinematics import posture
-from spacearm.equations.linear_algebra import minors
+from spacearm.equations.linear_algebra import determinant, minors
 from spacearm.equations.measures import distance
 from spacearm.mechanics import batch
 from spacearm.mechanics.arm_kernels import ArmKernel, parameters_of, structure_of
@@ -141,3 +141,14 @@ def test_tips_are_seen_from_the_centre(mode):
         centre = cfg.base.act(body) if mode == "fixed" else cfg.com
         found = measures.tip_from_centre(numbers, *of(cfg, mode), q)
         assert found == pytest.approx(cfg.tip.translation - centre, abs=1e-13)
+
+
+@pytest.mark.parametrize("n", [1, 4, 6, 7, 12, 18])
+def test_determinants_of_any_size_have_their_sign(n):
+    """The stacked J* of three arms has 18 rows; of rows exchanged it has the other sign."""
+    rng = np.random.default_rng(n)
+    A = np.roll(np.eye(n), 1, axis=0) + 0.1 * rng.normal(size=(n, n)) / n
+    wanted = np.linalg.det(A)
+    assert determinant(numbers, A) == pytest.approx(wanted, rel=1e-9)
+    assert determinant(numbers, A[::-1]) == pytest.approx(np.linalg.det(A[::-1]), rel=1e-9)
+    assert determinant(symbols, symbols.asarray(A)) == pytest.approx(wanted, rel=1e-9)
