@@ -53,7 +53,7 @@ def view_configuration(
         save (HTML): Write one self-contained page and exit.
         png (PNG): Write a picture and exit.
         video (FILE): Write a video of the motion and exit: .mp4, .webm or .gif; or .zip of
-            pictures, 30 per second.
+            pictures; 25 per second.
     """
     with undisturbed():
         if motion:

@@ -157,7 +157,7 @@ def draw_triangles(node: meshcat.Visualizer, triangles: Array) -> None:
     """Draw triangles (m, 3, 3) as a node, each flat."""
     numbers = np.arange(3 * len(triangles)).reshape(-1, 3)  # corners of their own
     mesh = g.TriangularMeshGeometry(triangles.reshape(-1, 3), numbers)
-    node.set_object(mesh, g.MeshPhongMaterial(color=SLATE, opacity=0.6))
+    node.set_object(mesh, g.MeshLambertMaterial(color=SLATE, opacity=0.6))
 
 
 class TargetLayer:
@@ -228,7 +228,7 @@ class LoadLayer:
         self._push: Mapping[str, Array] = getattr(motion, "wrenches", {})
         for i in range(len(cfg.arm.wheels)):
             ring = self._wheels[str(i)]["ring"]
-            material = g.MeshPhongMaterial(color=TEAL, opacity=0.5, transparent=True)
+            material = g.MeshLambertMaterial(color=TEAL, opacity=0.5, transparent=True)
             ring.set_object(g.Cylinder(0.01 * size, 0.07 * size), material)
             _arrow(self._wheels[str(i)]["arrow"], TEAL, 1)
         for i in range(len(self._push)):
@@ -241,7 +241,7 @@ class LoadLayer:
             for link, body in holder.tree.links.items():
                 if link not in cfg.arm.tree.links and body is not None:
                     node = self._bodies[str(i)][link]
-                    material = g.MeshPhongMaterial(color=STEEL, opacity=0.6, transparent=True)
+                    material = g.MeshLambertMaterial(color=STEEL, opacity=0.6, transparent=True)
                     node.set_object(g.Sphere(1.0), material)
                     self._held.append((holder, link, ellipsoid(body, LEAST * size), node))
 

@@ -6,18 +6,23 @@ import base64
 import html
 import io
 import json
+import math
 import re
 import secrets
 import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import meshcat.geometry as g
 import numpy as np
 
+from spacearm.compiler.machine import processors
 from spacearm.errors import SpaceArmError, imported
 from spacearm.model.arm import Configuration
 from spacearm.viewer.shapes import Y_TO_Z, DrawnShape, link_poses
@@ -37,9 +42,9 @@ HEADLESS = (
 RENDERING, EACH = 120.0, 5.0
 #: How names of videos end, and the codec of each.
 VIDEOS = {".gif": "", ".mp4": "libx264", ".webm": "libvpx-vp9"}
-#: Pictures of a motion that are made, and held in memory, at a time.
-AT_ONCE = 120
-FRAME = re.compile(rb'class="frame" src="data:image/png;base64,([A-Za-z0-9+/=]+)"')
+#: Pictures of a motion that a browser makes, which are held in memory, and browsers at a time.
+AT_ONCE, BROWSERS_AT_ONCE = 300, 2
+FRAME = re.compile(rb"data:image/png;base64,([A-Za-z0-9+/=]+)")
 
 
 def render(page: str, size: tuple[int, int], scale: int) -> bytes:
@@ -63,7 +68,9 @@ def render(page: str, size: tuple[int, int], scale: int) -> bytes:
 
 
 def render_frames(page: str, size: tuple[int, int], times: Sequence[float]) -> Iterator[bytes]:
-    """Render the motion of a saved page to PNG pictures, `AT_ONCE` by each start of the browser.
+    """Render the motion of a saved page to PNG pictures, `AT_ONCE` by each start of a browser.
+
+    Up to `BROWSERS_AT_ONCE` draw side by side.
 
     Args:
         page: The page.
@@ -73,19 +80,27 @@ def render_frames(page: str, size: tuple[int, int], times: Sequence[float]) -> I
     Raises:
         SpaceArmError: No browser is found, or it draws nothing in `RENDERING` and `EACH`.
     """
-    for first in range(0, len(times), AT_ONCE):
-        some = times[first : first + AT_ONCE]
-        with tempfile.TemporaryDirectory() as folder:
-            longest = RENDERING + EACH * len(some)
-            wanted = f"frames={size[0]},{size[1]},{','.join(map(repr, some))}"
-            run = _browse(page, wanted, size, ("--dump-dom",), Path(folder), longest)
-        found = FRAME.findall(run.stdout)
-        if len(found) != len(some):
-            raise SpaceArmError(
-                f"the browser drew {first + len(found)} of {len(times)} pictures: "
-                f"{run.stderr.decode()[-300:]}"
-            )
-        yield from map(base64.b64decode, found)
+    side_by_side = min(processors(), BROWSERS_AT_ONCE)
+    each = min(AT_ONCE, math.ceil(len(times) / side_by_side))
+    parts = [times[first : first + each] for first in range(0, len(times), each)]
+    with ThreadPoolExecutor(side_by_side) as pool:
+        for first in range(0, len(parts), side_by_side):
+            drawn = pool.map(partial(_frames, page, size), parts[first : first + side_by_side])
+            yield from chain.from_iterable(drawn)
+
+
+def _frames(page: str, size: tuple[int, int], times: Sequence[float]) -> list[bytes]:
+    """Render the motion to PNG pictures by one start of the browser."""
+    with tempfile.TemporaryDirectory() as folder:
+        longest = RENDERING + EACH * len(times)
+        wanted = f"frames={size[0]},{size[1]},{','.join(map(repr, times))}"
+        run = _browse(page, wanted, size, ("--dump-dom",), Path(folder), longest)
+    found = FRAME.findall(run.stdout)
+    if len(found) != len(times):
+        raise SpaceArmError(
+            f"the browser drew {len(found)} of {len(times)} pictures: {run.stderr.decode()[-300:]}"
+        )
+    return [base64.b64decode(picture) for picture in found]
 
 
 def write_video(

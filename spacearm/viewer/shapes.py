@@ -156,7 +156,7 @@ class Bodies:
             link = self._links[shape.link] = node[shape.link.replace("/", "\u2215")]
             *rgb, opacity = shape.color
             color = int.from_bytes(bytes(int(255 * x) for x in rgb), "big")
-            own = g.MeshPhongMaterial(color=color, opacity=opacity)
+            own = g.MeshLambertMaterial(color=color, opacity=opacity)
             link[str(i)].set_object(shape.geometry, glass(*faint) if faint else own)
             link[str(i)].set_transform(shape.pose)
 
@@ -203,9 +203,9 @@ def link_poses(arm: SpaceArm, cfg: Configuration) -> Callable[[str], pin.SE3]:
 # --- materials, places and lines ----------------------------------------------------------------
 
 
-def glass(color: int, opacity: float) -> g.MeshPhongMaterial:
+def glass(color: int, opacity: float) -> g.MeshLambertMaterial:
     """Make a material that hides nothing behind it."""
-    return g.MeshPhongMaterial(color=color, opacity=opacity, transparent=True, depthWrite=False)
+    return g.MeshLambertMaterial(color=color, opacity=opacity, transparent=True, depthWrite=False)
 
 
 def film(opacity: float, color: int | None = None) -> g.MeshBasicMaterial:

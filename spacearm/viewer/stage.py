@@ -77,7 +77,7 @@ class Scene:
             node = self.root["tip frame"]["axes"][str(axis)]
             node.set_object(g.Cylinder(0.14 * size, 0.005 * size), shapes.overlay(color))
             node.set_transform(shapes.along(np.zeros(3), 0.14 * size * np.eye(3)[axis]))
-        ball = g.MeshPhongMaterial(color=CYAN, opacity=0.35)
+        ball = g.MeshLambertMaterial(color=CYAN, opacity=0.35)
         self.root["ellipsoid"]["body"].set_object(g.Sphere(1.0), ball)
         for name, color in (("lost", MAGENTA), ("weak", PINK)):
             _double_arrow(arrow[name], color)
@@ -180,7 +180,7 @@ class Scene:
         layer = self.root["shells"]
         layer.delete()
         for i, (radius, color) in enumerate(zip(radii, cycle(SHELL_COLORS), strict=False)):
-            material = g.MeshPhongMaterial(color=color, opacity=0.12, depthWrite=False)
+            material = g.MeshLambertMaterial(color=color, opacity=0.12, depthWrite=False)
             layer[str(i)].set_object(g.Sphere(radius), material)
 
     def trace(self, points: Array, values: Array) -> None:

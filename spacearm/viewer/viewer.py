@@ -263,13 +263,13 @@ class Viewer:
         self,
         path: str | os.PathLike[str],
         size: tuple[int, int] = (1200, 800),
-        per_second: float = 30.0,
+        per_second: float = 25.0,
         progress: Callable[[int, int], object] | None = None,
     ) -> Path:
         """Render the motion to PNG pictures in a ZIP archive, by a headless browser.
 
         The pictures are evenly spread from the start of the motion to its end, and numbered from 1.
-        Some 120 of them are in memory at a time; the archive is there once it is whole.
+        Some 600 of them are in memory at a time; the archive is there once it is whole.
 
         Args:
             path: The archive to write.

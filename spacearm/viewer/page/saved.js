@@ -41,11 +41,9 @@ function takeFrames(viewer, times, seek) {
   const pictures = times.map((t) => {
     seek(t);
     viewer.render();
-    const picture = element("img", "", "frame");
-    picture.src = viewer.renderer.domElement.toDataURL("image/png");
-    return picture;
+    return viewer.renderer.domElement.toDataURL("image/png");
   });
-  document.documentElement.replaceChildren(...pictures);
+  document.documentElement.textContent = pictures.join("\n");
 }
 
 function list(joints, q) {
