@@ -71,12 +71,35 @@ import re
 import sys
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 _STUB = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
 #: The module that holds each public name, as the stub says; imported when first used.
 _HOMES = {name: home for home, name in re.findall(r"from (\S+) import \(?\s*(\w+) as", _STUB)}
 
 __all__ = sorted(["__version__", *_HOMES])
+
+
+class _Package(ModuleType):
+    """This package; its folders and modules are no functions, and a call of them says so."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if isinstance(value, ModuleType) and value.__name__.startswith(f"{__name__}."):
+            value.__class__ = _Part
+        super().__setattr__(name, value)
+
+
+class _Part(ModuleType):
+    def __call__(self, *_: object, **__: object) -> None:
+        path, last = f"{self.__name__}.", self.__name__.rpartition(".")[2]
+        names = [name for name, home in _HOMES.items() if f"{home}.".startswith(path)]
+        names += [f"{last}.{name}" for name in vars(self).get("__all__", ())]
+        calls = ", ".join(f"sa.{name}" for name in names if name.islower())
+        remedy = f"call {calls}" if calls else "help(spacearm) lists what to call"
+        raise TypeError(f"{self.__name__} is a part of the package, no function; {remedy}")
+
+
+sys.modules[__name__].__class__ = _Package
 
 
 def __getattr__(name: str) -> object:
@@ -91,7 +114,7 @@ def __getattr__(name: str) -> object:
     else:
         home = import_module(_HOMES[name])
         value = getattr(home, name, None) or import_module(f"{home.__name__}.{name}")  # `design`
-    globals()[name] = value
+    setattr(sys.modules[__name__], name, value)
     return value
 
 

@@ -267,3 +267,10 @@ def test_checked_functions_keep_their_names_and_their_help():
         assert function.__name__ == name
         assert "Args:" in function.__doc__
         assert {"arm", "cfg", "start"} & set(inspect.signature(function).parameters)
+
+
+def test_a_part_of_the_package_that_is_called_names_what_to_call():
+    with pytest.raises(
+        TypeError, match=r"is a part of the package, no function; call sa\.design\."
+    ):
+        sa.design(arm())

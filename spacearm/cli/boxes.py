@@ -97,11 +97,12 @@ def cover_by_boxes(
         keep (NPZ): Write the ranges to this file; if it exists, resume from its contents.
             spacearm plan --with search.boxes=FILE goes through them.
     """
+    start = [opt.joint_values(arm, q, deg)] if q else []
     if (to is None) != (not q) or (way and to is None):
         raise sa.ConfigurationError("give joint values and --to for a way, --way to write it")
     ends = []
-    if q and to:
-        ends = [opt.joint_values(arm, x, deg) for x in (q, opt.numbers("--to", to).tolist())]
+    if to:
+        ends = [*start, opt.joint_values(arm, opt.numbers("--to", to).tolist(), deg)]
     so_far = sa.FreeBoxes.load(keep, arm, mode) if keep and keep.exists() else None
     within = _everywhere(arm) if no_limits else None
     found, code = kept(

@@ -477,4 +477,5 @@ def _number(word: str | float) -> float:
         return float(word)
     except ValueError:
         kind = "option" if re.match(r"--?[A-Za-z]", str(word)) else "number"
-        raise sa.ConfigurationError(f"{word!r} is no {kind} of this command; see --help") from None
+        remedy = "a picture is --output FILE where --help has it" if word == "-o" else "see --help"
+        raise sa.ConfigurationError(f"{word!r} is no {kind} of this command; {remedy}") from None

@@ -26,7 +26,8 @@ With = Annotated[
     typer.Option(
         "--with",
         help="Further arguments by their names in Python, in SI units and radians: a TOML file, or "
-        "one value, as in integration.rtol=1e-6; may be repeated, the last counts.",
+        "one value in JSON, as in integration.rtol=1e-6, constraints.limits=false or "
+        "start.wheels=[0,1]; may be repeated, the last counts.",
         metavar="FILE.toml|KEY=VALUE",
     ),
 ]

@@ -76,9 +76,9 @@ def path_start(cfg: Configuration, path: Path) -> pin.SE3:
         ConfigurationError: The path has no beginning.
     """
     if callable(path):
-        return goal_pose(cfg, path(0.0))
+        return goal_pose(cfg, path(0.0), "path(0.0)")
     try:
-        return goal_pose(cfg, next(iter(path)))
+        return goal_pose(cfg, next(iter(path)), "path[0]")
     except (TypeError, StopIteration):
         raise _no_path(path) from None
 
@@ -99,7 +99,9 @@ def segments(
     """
     if callable(path):
         length = positive(length, "length", "length [m] of the path, which is a function")
-        first = _line(cfg, cfg.tip if start is None else start, goal_pose(cfg, path(0.0)))
+        first = _line(
+            cfg, cfg.tip if start is None else start, goal_pose(cfg, path(0.0), "path(0.0)")
+        )
         return [*first, _curve(cfg, path, length)]
     if length is not None:
         raise ConfigurationError(f"length is {length}; a polyline has its own, leave it out")
@@ -109,7 +111,7 @@ def segments(
         whole = []
     if not whole or any(isinstance(corner, Real) for corner in whole):  # one point, perhaps
         raise _no_path(path)
-    corners = [goal_pose(cfg, corner) for corner in whole]
+    corners = [goal_pose(cfg, corner, f"path[{i}]") for i, corner in enumerate(whole)]
     poses = [cfg.tip if start is None else start, *corners]
     pieces = [_line(cfg, *pair) for pair in pairwise(poses)]
     found = [segment for piece in pieces for segment in piece]
@@ -149,7 +151,7 @@ def _curve(cfg: Configuration, path: Callable[[float], Goal], length: float) -> 
     """Return a path given as a function of its length, its direction by differences."""
 
     def pose(s: float) -> pin.SE3:
-        return goal_pose(cfg, path(s))
+        return goal_pose(cfg, path(s), f"path({s:.6g})")
 
     def twist(s: float) -> Array:
         low, high = max(s - DIFFERENCE, 0.0), min(s + DIFFERENCE, length)
@@ -170,7 +172,7 @@ def timed_curve(cfg: Configuration, path: Path, times: ArrayLike, at_rest: bool)
 
     if callable(path):
         raise ConfigurationError("times are for a path of corners, not for a function of length")
-    corners = [goal_pose(cfg, corner) for corner in path]
+    corners = [goal_pose(cfg, corner, f"path[{i}]") for i, corner in enumerate(path)]
     t = finite(times, (len(corners),), "times", "[s], one for each corner of path, increasing")
     if not len(t) or t[0] < 0.0 or (np.diff(t) <= 0.0).any() or t[-1] == 0.0:
         raise ConfigurationError(f"times are {times!r}; give increasing times from 0 s on")

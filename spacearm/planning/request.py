@@ -15,6 +15,7 @@ from spacearm.collisions.obstacles import Obstacle, ObstacleLike, obstacles_of
 from spacearm.errors import ConfigurationError, listed, require_known
 from spacearm.model.arguments import require_possible
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.joints import joint_vector
 from spacearm.motion.goal import Goal, Origin, goal_pose, started
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.account import Progress, SearchAccount
@@ -211,6 +212,11 @@ class PlanRequest:
         arm, goals = start.arm, goals if len(goals) > 1 else {}
         if not goals:
             arm.require_one_tip()  # whose path the plan holds
+            for i, other in enumerate(via):
+                if isinstance(other, Joints):
+                    joint_vector(arm, other.q, f"via[{i}]")
+                else:
+                    goal_pose(start, other, f"via[{i}]")
         require_possible(arm, "free-floating")
         twist = None if final_twist is None else _twist(arm, final_twist)
         if twist is not None and not twist.any() and not start.momentum.any():

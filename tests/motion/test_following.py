@@ -229,7 +229,8 @@ def test_a_motion_plays(to_c):
 @pytest.mark.parametrize(
     ("q0", "path", "options", "message"),
     [
-        (A, [(1.0, 0.0, 0.0)], {}, "2 finite numbers"),
+        (A, [(1.0, 0.0, 0.0)], {}, r"path\[0\] is .* 2 finite numbers"),
+        (A, [(1.0, 0.0), (1.0,)], {}, r"path\[1\] is \(1.0,\); give 2 finite numbers"),
         (A, [], {}, "give corners"),
         (A, 3.0, {}, "path is 3.0; give a list"),
         (A, (1.0, 0.0), {}, r"give corners \(one: \[goal\]\)"),

@@ -116,6 +116,9 @@ def test_goals_on_the_way_name_the_tips_that_the_goal_names(arm):
             sa.plan(at, goals, via=[via])
     with pytest.raises(sa.ConfigurationError, match="name the tips that goal names: none"):
         sa.plan(arm.at(Q0), GOAL, via=[{"left": VIA}])
+    for wrong in ((1.0,), sa.Joints([1.0])):
+        with pytest.raises(sa.ConfigurationError, match=r"via\[1\] "):
+            sa.plan(arm.at(Q0), GOAL, via=[VIA, wrong])
 
 
 @pytest.mark.parametrize("asked", ["at rest", "momentum", "via"])
