@@ -12,8 +12,9 @@ degrees away from the set. All three scale their rates to the same limits.
 
 Printed of each arm: the share of the commanded motion that is done; the nearest that any run comes
 to the set, at any step, by a search that knows nothing of the servo; of the servo also whether any
-limit was exceeded, in which share of the steps farther away than `slow` the direction was off by
-more than a degree, and how much too far it tells the nearest singular posture to be at most, where
+limit was exceeded, in which share of the steps that are told to be farther away than `slow` the
+direction was off by more than a degree, and in which of those from which the search finds none so
+near, told or not, and how much too far it tells the nearest singular posture to be at most, where
 one is nearer than `slow`, and in 95 of 100 places anywhere. The other two fly the first eight of
 the runs; there `NearestSearch` looks each second, too, for what the servo tells.
 
@@ -136,10 +137,16 @@ class Led:
 
     def fly(
         self, Q: np.ndarray, memory: np.ndarray, twists: np.ndarray
-    ) -> tuple[Flight, float, int, np.ndarray]:
-        """Fly: the flight, the largest excess, steps off course, and distances told."""
-        arm, slow = self.servo.arm, self.servo.limits.slow
-        flight, last, excess, off, told = Flight(arm, Q), 0.0 * Q, 0.0, 0, []
+    ) -> tuple[Flight, float, np.ndarray, np.ndarray]:
+        """Fly: the flight, the largest excess, where it is off course, and distances told."""
+        arm, flight, last, excess, off, told = (
+            self.servo.arm,
+            Flight(self.servo.arm, Q),
+            0.0 * Q,
+            0.0,
+            [],
+            [],
+        )
         for twist in twists:
             dq, distance, memory = self.step(flight.Q, twist, memory)
             told.append(distance)
@@ -147,7 +154,7 @@ class Led:
             moved = (J @ dq[..., None])[..., 0]
             speed = np.linalg.norm(moved, axis=1)
             straight = np.cos(np.radians(1.0)) * speed * np.linalg.norm(v, axis=1)
-            off += ((distance > slow) & (speed > 1e-6) & ((moved * v).sum(axis=1) < straight)).sum()
+            off.append((speed > 1e-6) & ((moved * v).sum(axis=1) < straight))
             flight.move(J, v, dq)
             beyond = [
                 np.abs(dq) - RATE,
@@ -156,7 +163,7 @@ class Led:
                 arm.lower - flight.Q,
             ]
             excess, last = max(excess, *(part.max() for part in beyond)), dq
-        return flight, excess, off, np.array(told)
+        return flight, excess, np.array(off), np.array(told)
 
     def one_by_one(self, q: np.ndarray, memory: np.ndarray, twists: np.ndarray) -> np.ndarray:
         """The last posture (n,) of a run that `Servo.step` flies."""
@@ -285,7 +292,10 @@ def batch(name: str, first: int, runs: int) -> tuple[np.ndarray, np.ndarray, lis
             other = rival(arm, Q[:OTHERS], twists[:, :OTHERS], halts)
             others += [other.done / other.asked, float(np.degrees(other.distances().min()))]
     most = [-np.degrees(distance.min()), excess, np.degrees(late)]
-    return np.array([flight.done, flight.asked, off, (told > slow).sum()]), np.array(most), others
+    steps = [
+        part for far in (told > slow, distance > slow) for part in ((off & far).sum(), far.sum())
+    ]
+    return np.array([flight.done, flight.asked, *steps]), np.array(most), others
 
 
 def times(name: str) -> None:
@@ -327,7 +337,7 @@ if __name__ == "__main__":
         sys.exit()
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     print(
-        f"{'':14}{'servo':>6}{'nearest':>9}{'excess':>8}{'off':>9}{'too far':>8}{'':>7}"
+        f"{'':14}{'servo':>6}{'nearest':>9}{'excess':>8}{'off':>9}{'':>9}{'too far':>8}{'':>7}"
         f"{'damped':>9}{'':>8}{'halting':>9}"
     )
     with ProcessPoolExecutor(len(os.sched_getaffinity(0))) as pool:
@@ -337,9 +347,10 @@ if __name__ == "__main__":
         }
         for name, batches in flown.items():
             sums, most, (others, *_) = zip(*(one.result() for one in batches), strict=True)
-            done, asked, off, far = np.sum(sums, axis=0)
+            done, asked, off, far, astray, away = np.sum(sums, axis=0)
             near_, excess, late = np.max(most, axis=0)
             words = [f"{done / asked:6.0%}{-near_:8.2f}°{excess:8.0e}{off / max(far, 1):9.4%}"]
+            words += [f"{astray / max(away, 1):9.4%}"]
             words += [f"{late:7.1f}°{others[0]:6.1f}°"]
             words += [f"{others[i]:9.0%}{others[i + 1]:7.2f}°" for i in (1, 3)]
             print(f"{name:14}{''.join(words)}", flush=True)

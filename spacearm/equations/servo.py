@@ -8,8 +8,9 @@ distance d to the set may fall no faster than
 
 what of dq leads faster towards the set is taken out; motions along it and away stay. Null spaces
 raise the distance. Then the rates are scaled so that rates, accelerations and the momentum that
-wheels take up keep their limits, and so that an arm that brakes from now on stays within its limits
-of position and beyond `stop`. A change of direction that the accelerations do not allow is mixed
+wheels take up keep their limits, so that the wish turns no faster than the accelerations allow, and
+so that an arm that brakes from now on, as its wish turns on, stays within its limits of position
+and beyond `stop`. A change of direction that the accelerations do not allow is mixed
 with braking instead. Braking is always allowed by what held a tick before.
 
 The distance is that to singular postures that are followed from tick to tick: three, the nearest
@@ -58,7 +59,7 @@ PATIENCE, SEARCH = 24, 80
 LOST, AT_REST, SETTLED, APART, STRIDE = 0.1, 0.02, 0.045, 0.02, 0.4
 #: How many times the arm's last way a posture at rest may lag behind; longest way of the arm in a
 #: tick, on which no posture is lost [rad].
-LAG, LONGEST_WAY = 1.0, 0.03
+LAG, LONGEST_WAY = 1.0, 0.02
 #: Share of the way along the set that the first step takes, and the least; square of the changes of
 #: a way below which the share is that of the first [rad^2].
 SHARE, LEAST, SMOOTH = 0.7, 0.02, 1e-5
@@ -74,10 +75,18 @@ EDGE, MARGIN = 0.04, 0.02
 OUTWARD = 0.1
 #: Share of the accelerations that is left to turn by, and taken up by what the wish changes.
 TURNING = 0.25
+#: Share of the accelerations by which an arm that keeps its direction speeds up.
+SPEEDING = 0.25
+#: Share of the time in which an arm could stop for which the change of the wish is foreseen.
+AHEAD = 0.5
+#: Steps of Newton's method to the share that an end leaves.
+NEWTON = 4
 #: Share of the norm of J* up to which its least singular value is zero.
 NO_INVERSE = 1e-9
 #: Damping of motions in the null space that keep the attitude, as a share of the trace.
 DAMPING = 1e-5
+#: Stands for a posture that holds nothing [rad].
+FREE = 1e6
 #: Larger numbers are faults.
 LARGEST = 1e9
 #: How far the square of a quaternion may be from 1.
@@ -145,6 +154,8 @@ class Memory(NamedTuple):
     Attributes:
         rates: (n,) the last joint rates [rad/s] or [m/s].
         wished: (n,) those that do all of the wished twist.
+        turn: (n,) the rate at which these change.
+        held: (n,) the nearest posture that was told, in radians; `FREE` farther than `slow`.
         q: (n,) the last joint positions [rad] or [m].
         dt: The last time of a tick [s].
         points: (SLOTS, n) singular postures that are followed, and scouts, in radians.
@@ -156,6 +167,8 @@ class Memory(NamedTuple):
 
     rates: Any
     wished: Any
+    turn: Any
+    held: Any
     q: Any
     dt: Any
     points: Any
@@ -267,7 +280,9 @@ def unknowing(n: int, q: Any, points: Any = ()) -> Memory:
     zero, every, ages = np.zeros(n), np.zeros((SLOTS, n)), np.full(SLOTS, 1.0 + PATIENCE)
     m = len(points)
     every[:m], ages[:m] = np.reshape(points, (m, n)), 0.0
-    return Memory(zero, zero, q, 0.0, every, 0.0 * every, np.full(SLOTS, SHARE), ages, -1.0)
+    return Memory(
+        zero, zero, zero, zero + FREE, q, 0.0, every, 0.0 * every, np.full(SLOTS, SHARE), ages, -1.0
+    )
 
 
 def step(
@@ -323,7 +338,10 @@ def step(
     searching = count < SEARCH
     halt = xp.where(halt > 0.0, halt, xp.where(jumps, 6.0, xp.where(searching, 7.0, 0.0)))
 
+    known.append(_released(xp, known[0], x, memory, fresh, tick, limits))
     far, offset, normal = _nearest(xp, known)
+    size = _norm(xp, offset)
+    held = xp.where(far < limits.slow, x + offset * (far / xp.where(size > 0.0, size, 1.0)), FREE)
     away = -offset * (1.0 / xp.where(xp.logical_and(far > 0.0, far < np.inf), far, 1.0))
     away = xp.where(far > 0.0, away, normal)
     turns = _axes(frame, R, at, len(tree.tips))
@@ -339,26 +357,29 @@ def step(
         for one in known:
             y = _held_off(xp, y, one, limits)
     turned = at.P[:, 3:].T @ tree.gains * radians
-    change = xp.absolute(y - memory.wished / radians) / limits.acceleration
-    slower = _at_most(xp, _extreme(xp.maximum, change), TURNING * tick)
+    slower, turn = _turning(xp, y, last, memory, limits)
+    rate, wheels = _slowest(xp, slower * y, turned, limits)
+    left = slower * rate * wheels
 
-    def allowed(y: Any, braking: float) -> Any:
-        return _shares(xp, y, x, known, turned, tick, braking, limits)
+    def allowed(y: Any, turn: Any, braking: float) -> Any:
+        return _shares(xp, y, turn, x, known, tick, braking, limits)
 
-    shares = allowed(slower * y, 1.0 - TURNING)
-    scaled = y * (slower * _whole(xp, shares))
+    shares = allowed(left * y, left * turn, 1.0 - TURNING)
+    scaled = y * (left * xp.minimum(*shares))
     brake, by, goes = _accelerated(xp, scaled, last, tick, limits)
-    mixed = xp.where(_whole(xp, allowed(goes, 1.0)) >= 1.0 - 1e-9, goes, brake)
+    whole = [*_slowest(xp, goes, turned, limits), *allowed(goes, 0.0 * y, 1.0)]
+    mixed = xp.where(_extreme(xp.minimum, whole) >= 1.0 - 1e-9, goes, brake)
     rates = xp.where(halt > 0.0, brake, mixed)
     kept = _share(xp, (asked * y).sum(), (asked * asked).sum())
     done = _share(xp, (v * (J @ rates)).sum(), (v * v).sum())
-    told = [slowed, xp.minimum(kept, 1.0), *(shares[i] for i in range(4)), slower * by]
+    told = [slowed, xp.minimum(kept, 1.0), rate, wheels, *shares, slower * by]
     lost = _lost(xp, tree, turns, xp.where(least.v @ away > 0.0, -least.u, least.u))
     tick_ = Tick(
         radians * rates, far, radians * (x + offset), radians * away, lost, -(away @ rates), done,
         xp.stack(told), halt,
     )  # fmt: skip
-    return tick_, after._replace(rates=tick_.rates, wished=radians * y, q=q, dt=tick)
+    mine = {"rates": tick_.rates, "wished": radians * y, "turn": radians * turn, "held": held}
+    return tick_, after._replace(**mine, q=q, dt=tick)
 
 
 def _follower(xp: Any, tree: Structure, p: Parameters, x: Any, fading: Any, radians: Any) -> Any:
@@ -506,6 +527,21 @@ def _rest(xp: Any, x: Any, size: float) -> Any:
     return x - size * xp.floor(x / size)
 
 
+def _released(
+    xp: Any, like: Followed, x: Any, memory: Memory, fresh: Any, tick: Any, limits: Limits
+) -> Followed:
+    """Return the nearest posture of the last tick as far as it may have gone, if within `slow`.
+
+    So none that is followed no more is let go faster than `slow` is approached.
+    """
+    way = memory.held - x
+    size = _norm(xp, way)
+    far = size + limits.slow / limits.tau * tick
+    there = xp.logical_and(xp.logical_not(fresh), xp.logical_and(size > 0.0, far < limits.slow))
+    offset = xp.where(there, way * (far / xp.where(there, size, 1.0)), 0.0)
+    return like._replace(offset=offset, far=xp.where(there, far, np.inf))
+
+
 def _nearest(xp: Any, known: list[Followed]) -> tuple[Any, Any, Any]:
     """Return distance, offset and normal of the nearest posture that is followed."""
     nearest = known[0]
@@ -594,19 +630,37 @@ def _held_off(xp: Any, y: Any, one: Followed, limits: Limits) -> Any:
     return xp.where(xp.logical_and(known, over > 0.0), y + over * away, y)
 
 
-def _shares(
-    xp: Any, y: Any, x: Any, known: list[Followed], turned: Any, dt: Any, braking: float,
-    limits: Limits,
-) -> Any:  # fmt: skip
-    """Return the shares (4,) of y that its limits but acceleration leave; see `_whole`.
+def _turning(xp: Any, y: Any, last: Any, memory: Memory, limits: Limits) -> tuple[Any, Any]:
+    """Return the share of y with which the accelerations allow it to turn, and how fast it turns.
 
-    Those of position and stopping distance are of what rates and wheels leave. An arm that brakes
-    in a straight line, by a share `braking` of the accelerations, comes y (dt + T / 2) far, T the
-    time that it takes.
+    It turns as since the last tick, or as fast as it will until the arm could have stopped.
     """
+    went = memory.dt > 0.0
+    per = xp.where(went, 1.0 / xp.where(went, memory.dt, 1.0), 0.0)
+    turn = per * (y - memory.wished / limits.radians)
+    time = AHEAD * _extreme(xp.maximum, xp.absolute(last) / limits.acceleration)
+    later = turn + time * per * (turn - memory.turn / limits.radians)
+    most = xp.maximum(xp.absolute(turn), xp.absolute(later)) / limits.acceleration
+    return _at_most(xp, _extreme(xp.maximum, most), TURNING), turn
+
+
+def _slowest(xp: Any, y: Any, turned: Any, limits: Limits) -> tuple[Any, Any]:
+    """Return the share of y that the rates leave, and that which the wheels leave of that."""
     rate = _at_most(xp, _extreme(xp.maximum, xp.absolute(y) / limits.rate), 1.0)
-    wheels = _at_most(xp, _norm(xp, turned @ y) * rate, limits.wheels)
-    y = y * (rate * wheels)
+    return rate, _at_most(xp, _norm(xp, turned @ y) * rate, limits.wheels)
+
+
+def _shares(
+    xp: Any, y: Any, turn: Any, x: Any, known: list[Followed], dt: Any, braking: float,
+    limits: Limits,
+) -> tuple[Any, Any]:  # fmt: skip
+    """Return the shares of y that the ends of the joints leave, and the stopping distance.
+
+    An arm that brakes in a straight line, by a share `braking` of the accelerations, comes
+    y (dt + T / 2) far, T the time that it takes. With a direction that goes on turning by `turn`,
+    as far as that leads towards an end, share s of it comes s y dt + s^2 y T / 2 + s^3 turn T^2 / 6
+    far.
+    """
     size = _norm(xp, y)
     time = _extreme(xp.maximum, xp.absolute(y) / (braking * limits.acceleration))
 
@@ -618,11 +672,26 @@ def _shares(
         share = 2.0 * length / xp.where(root > 0.0, root, 1.0)
         return xp.where(there, xp.minimum(share, 1.0), 1.0)
 
-    ends = [
-        reaches(xp.where(y[j] > 0.0, limits.upper[j] - x[j], x[j] - limits.lower[j]),
-                xp.absolute(y[j]))
-        for j in range(len(x))
-    ]  # fmt: skip
+    def turns(way: Any, rate: Any, turn: Any) -> Any:
+        """Return the largest share that comes no farther, as the rate turns, by Newton's method."""
+        share = 1.0
+        for _ in range(NEWTON):
+            far = share * (rate * dt + share * time * (0.5 * rate + share * time * turn / 6.0))
+            slope = rate * dt + share * time * (rate + 0.5 * share * time * turn)
+            over = xp.logical_and(far > way, slope > 0.0)
+            share = share - xp.where(over, (far - way) / xp.where(over, slope, 1.0), 0.0)
+        return xp.maximum(share, 0.0)
+
+    def ends(rates: Any) -> list[Any]:
+        return [xp.where(rates[j] > 0.0, limits.upper[j] - x[j], x[j] - limits.lower[j])
+                for j in range(len(x))]  # fmt: skip
+
+    position = _extreme(xp.minimum, [
+        reaches(way, xp.absolute(rate)) for way, rate in zip(ends(y), y, strict=True)
+    ] + [
+        turns(xp.maximum(way, 0.0), xp.where(by > 0.0, rate, -rate), xp.absolute(by))
+        for way, rate, by in zip(ends(turn), y, turn, strict=True)
+    ])  # fmt: skip
     stopping = _at_most(xp, size * dt, LONGEST_WAY)
     for one in known:
         near = one.far < np.inf
@@ -633,12 +702,7 @@ def _shares(
         way = xp.where(towards > 0.0, 2.0 * room / xp.where(towards > 0.0, towards + root, 1.0),
                        limits.stop * (root - towards))  # fmt: skip
         stopping = xp.where(near, xp.minimum(stopping, reaches(way, size)), stopping)
-    return xp.stack([rate, wheels, _extreme(xp.minimum, ends), stopping])
-
-
-def _whole(xp: Any, shares: Any) -> Any:
-    """Return the share that all limits of `_shares` leave together."""
-    return shares[0] * shares[1] * xp.minimum(shares[2], shares[3])
+    return position, stopping
 
 
 def _at_most(xp: Any, value: Any, most: Any) -> Any:
@@ -662,6 +726,9 @@ def _accelerated(xp: Any, y: Any, last: Any, dt: Any, limits: Limits) -> tuple[A
     least = xp.where(moves, xp.minimum(*ends), xp.where(rests, 0.0, LARGEST))
     low = xp.maximum(_extreme(xp.maximum, least), 0.0)
     high = _extreme(xp.minimum, xp.where(moves, xp.maximum(*ends), LARGEST))
+    speed = _extreme(xp.maximum, xp.absolute(y) / limits.acceleration)
+    calm = (time + SPEEDING * dt) / xp.where(speed > 0.0, speed, 1.0)
+    high = xp.where(speed > 0.0, xp.minimum(high, xp.maximum(low, calm)), high)
     along = xp.logical_and(low <= high, low < LARGEST)
     share = xp.where(along, xp.minimum(xp.maximum(low, 1.0), high), 0.0)
     left = xp.maximum(most - xp.where(change > 0.0, brake - last, last - brake), 0.0)

@@ -59,7 +59,7 @@ class ServoStep(Result):
         rates: (n,) joint rates [rad/s] or [m/s] until the next step.
         distance: How far the nearest singular posture is that the servo follows [rad]: found at
             most, the nearest of all is no farther, but for the last step along the set; inf if it
-            knows none.
+            knows none. One that it has lost counts on, ever farther away, up to `slow`.
         distance_proven: None is nearer than this [rad], proven when the servo was started, less the
             way since then; zero where nothing is proven.
         nearest: (n,) that singular posture.

@@ -213,6 +213,49 @@ def test_fast_motions_in_ticks_of_any_length_do_not_fall_below_stop(name, longes
     assert (flown.min(axis=0) < 0.99 * STOP).mean() < 0.04
 
 
+@SLOW
+def test_beyond_slow_the_direction_is_kept_where_turning_joints_meet_their_ends():
+    """Many runs side by side, in narrow limits of position, with wishes that turn."""
+    arm, m, rng = sa.load("planar3"), 40, np.random.default_rng(3)
+    servo = sa.Servo(arm, rates=0.5, accelerations=2.0, frame="spacecraft")
+    q = away_from_the_set(servo, 3, least=45.0)
+    servo.limits = servo.limits._replace(lower=q - 0.15, upper=q + 0.15)
+    numbers_, rows = {"limits": packed(servo.limits)}, list(arm.task.indices)
+    Q, memory = np.tile(q, (m, 1)), np.tile(packed(servo.memory), (m, 1))
+    A, W, P = (one(size=(4, m, 6)) for one in (rng.normal, rng.random, rng.random))
+    level, dt, rest = np.tile(LEVEL, (m, 1)), np.full((m, 1), DT), np.zeros((m, 6))
+    for i in range(1000):
+        twist = (0.3 * A * np.sin(0.8 * W * i * DT + 6.0 * P)).sum(axis=0)
+        given = np.concatenate((Q, level, twist, dt, rest, memory), axis=1)
+        found = servo._kernel({"given": given}, numbers_)
+        dq, memory = found[:, :3], found[:, ticks.size(ticks.Tick, 3, 1) :]
+        J, scale = sa.generalized_jacobians(arm, Q)[:, rows], arm.task.scale
+        v, moved = scale[:, 0] * twist[:, rows], (scale * J @ dq[..., None])[..., 0]
+        speed = np.linalg.norm(moved, axis=1)
+        straight = (moved * v).sum(axis=1) / np.maximum(speed * np.linalg.norm(v, axis=1), 1e-12)
+        beyond = (found[:, 3] > servo.limits.slow) & (speed > 1e-6)
+        assert (straight[beyond] >= np.cos(np.radians(1.0))).all()
+        Q = Q + DT * dq
+        assert (np.abs(Q - q) <= 0.15 + 1e-9).all()
+    assert (np.abs(Q - q).max(axis=1) > 0.14).any()
+
+
+def test_a_posture_that_is_followed_no_more_is_let_go_as_fast_as_slow_is_approached():
+    arm = sa.load("planar2")
+    servo = sa.Servo(arm, rates=0.5, accelerations=2.0)
+    q, limits, told = away_from_the_set(servo, 3, least=30.0), servo.limits, []
+    last = q
+    servo.memory = servo.memory._replace(held=q + 0.05)
+    for _ in range(60):
+        step = servo.step((q, LEVEL), [0.05, 0.02], DT)
+        told.append(step.distance)
+        if len(told) > 1 and told[-1] < limits.slow:
+            most = limits.slow / limits.tau * DT + np.linalg.norm(q - last)
+            assert told[-1] - told[-2] <= most + 1e-12
+        last, q = q, q + DT * step.rates
+    assert told[0] < STOP < limits.slow < told[-1]
+
+
 def test_an_arm_whose_stick_is_let_go_brakes_within_its_accelerations():
     arm, push = sa.load("planar2"), 1.5
     servo = sa.Servo(arm, rates=1.0, accelerations=push)
