@@ -46,6 +46,17 @@ from spacearm.equations.kinematics import (
 from spacearm.equations.laws import attitude
 from spacearm.equations.linear_algebra import bidiagonal, least_with_vectors, solve
 from spacearm.equations.measures import distance
+from spacearm.equations.rate_limits import (
+    LARGEST,
+    TURNING,
+    accelerated,
+    at_most,
+    extreme,
+    norm,
+    shares_left,
+    slowest,
+    turning,
+)
 
 #: Axes in which the twist is given.
 Frame = Literal["inertial", "spacecraft", "tip"]
@@ -57,9 +68,8 @@ PATIENCE, SEARCH = 24, 80
 #: Residual beyond which a posture is not on the set, way below which a scout is at rest and one
 #: that is followed, distance below which two are one, longest step [rad].
 LOST, AT_REST, SETTLED, APART, STRIDE = 0.1, 0.02, 0.045, 0.02, 0.4
-#: How many times the arm's last way a posture at rest may lag behind; longest way of the arm in a
-#: tick, on which no posture is lost [rad].
-LAG, LONGEST_WAY = 1.0, 0.02
+#: How many times the arm's last way a posture at rest may lag behind.
+LAG = 1.0
 #: Share of the way along the set that the first step takes, and the least; square of the changes of
 #: a way below which the share is that of the first [rad^2].
 SHARE, LEAST, SMOOTH = 0.7, 0.02, 1e-5
@@ -69,26 +79,16 @@ NEARER, DOUBTED = 0.99, 3.0
 #: Scouts set out within this times the distance, `stop` or `slow` if that is more, and no farther
 #: than that [rad].
 BEYOND, WITHIN = 1.2, 1.5
-#: Shares of `stop` beyond it where rates towards the set end, and before which an arm can stop.
-EDGE, MARGIN = 0.04, 0.02
+#: Share of `stop` beyond it where rates towards the set end.
+EDGE = 0.04
 #: Share of the rates that leads out within that edge.
 OUTWARD = 0.1
-#: Share of the accelerations that is left to turn by, and taken up by what the wish changes.
-TURNING = 0.25
-#: Share of the accelerations by which an arm that keeps its direction speeds up.
-SPEEDING = 0.25
-#: Share of the time in which an arm could stop for which the change of the wish is foreseen.
-AHEAD = 0.5
-#: Steps of Newton's method to the share that an end leaves.
-NEWTON = 4
 #: Share of the norm of J* up to which its least singular value is zero.
 NO_INVERSE = 1e-9
 #: Damping of motions in the null space that keep the attitude, as a share of the trace.
 DAMPING = 1e-5
 #: Stands for a posture that holds nothing [rad].
 FREE = 1e6
-#: Larger numbers are faults.
-LARGEST = 1e9
 #: How far the square of a quaternion may be from 1.
 UNIT_LENGTH = 1e-3
 #: What positions may jump besides twice the largest rates [rad].
@@ -317,7 +317,7 @@ def step(
     q = xp.where(small[0], q, before + memory.rates * memory.dt)  # where it is, as far as known
     reach = 2.0 * limits.rate * xp.maximum(tick, memory.dt) + JITTER
     moved = xp.absolute(q - before) / radians
-    still = _extreme(xp.logical_and, moved <= reach)
+    still = extreme(xp.logical_and, moved <= reach)
     jumps = xp.logical_and(began, xp.logical_not(still))
     unit = xp.absolute(square - 1.0) <= UNIT_LENGTH
     sound = [small[0], xp.logical_and(small[1], unit), small[2], real, small[3]]
@@ -340,7 +340,7 @@ def step(
 
     known.append(_released(xp, known[0], x, memory, fresh, tick, limits))
     far, offset, normal = _nearest(xp, known)
-    size = _norm(xp, offset)
+    size = norm(xp, offset)
     held = xp.where(far < limits.slow, x + offset * (far / xp.where(size > 0.0, size, 1.0)), FREE)
     away = -offset * (1.0 / xp.where(xp.logical_and(far > 0.0, far < np.inf), far, 1.0))
     away = xp.where(far > 0.0, away, normal)
@@ -357,18 +357,18 @@ def step(
         for one in known:
             y = _held_off(xp, y, one, limits)
     turned = at.P[:, 3:].T @ tree.gains * radians
-    slower, turn = _turning(xp, y, last, memory, limits)
-    rate, wheels = _slowest(xp, slower * y, turned, limits)
+    slower, turn = turning(xp, y, last, memory, limits)
+    rate, wheels = slowest(xp, slower * y, turned, limits)
     left = slower * rate * wheels
 
     def allowed(y: Any, turn: Any, braking: float) -> Any:
-        return _shares(xp, y, turn, x, known, tick, braking, limits)
+        return shares_left(xp, y, turn, x, known, tick, braking, limits)
 
     shares = allowed(left * y, left * turn, 1.0 - TURNING)
     scaled = y * (left * xp.minimum(*shares))
-    brake, by, goes = _accelerated(xp, scaled, last, tick, limits)
-    whole = [*_slowest(xp, goes, turned, limits), *allowed(goes, 0.0 * y, 1.0)]
-    mixed = xp.where(_extreme(xp.minimum, whole) >= 1.0 - 1e-9, goes, brake)
+    brake, by, goes = accelerated(xp, scaled, last, tick, limits)
+    whole = [*slowest(xp, goes, turned, limits), *allowed(goes, 0.0 * y, 1.0)]
+    mixed = xp.where(extreme(xp.minimum, whole) >= 1.0 - 1e-9, goes, brake)
     rates = xp.where(halt > 0.0, brake, mixed)
     kept = _share(xp, (asked * y).sum(), (asked * asked).sum())
     done = _share(xp, (v * (J @ rates)).sum(), (v * v).sum())
@@ -396,14 +396,14 @@ def _follower(xp: Any, tree: Structure, p: Parameters, x: Any, fading: Any, radi
         way = offset - X
         normal = -first[0] * rows[0]
         slide = way - normal
-        size = _norm(xp, way)
+        size = norm(xp, way)
         there = xp.logical_and(far < LARGEST, size < LARGEST)
-        went, change = share * _at_most(xp, _norm(xp, last), STRIDE) * last, slide - last
+        went, change = share * at_most(xp, norm(xp, last), STRIDE) * last, slide - last
         least = (SMOOTH * SHARE - went @ change) / (SMOOTH + change @ change)
         moved = xp.logical_and(there, (last * last).sum() > 0.0)
         share = xp.where(moved, xp.minimum(xp.maximum(least, LEAST), 1.0), SHARE)
         step = share * slide + normal
-        step = _at_most(xp, _norm(xp, step), STRIDE) * step
+        step = at_most(xp, norm(xp, step), STRIDE) * step
         return (
             xp.where(there, point + step, np.inf), xp.where(there, way, 0.0), share,
             xp.where(there, offset, 0.0), xp.where(there, far, np.inf), rows[0],
@@ -442,7 +442,7 @@ def _follow(
                 xp.where(one, np.inf, size)
                 for one, size in zip(gone, (sizes[j], sizes[i]), strict=True)
             )
-    nearest = _extreme(xp.minimum, sizes[:KEPT])
+    nearest = extreme(xp.minimum, sizes[:KEPT])
     starts = []
     for i in range(SCOUTS):
         least = limits.slow if i % 2 else limits.stop
@@ -451,7 +451,7 @@ def _follow(
     starts[0] = xp.where(_rest(xp, count, 4.0) < 0.5, x, starts[0])
     for i, start in zip(range(KEPT, SLOTS), starts, strict=True):
         scout = found[i]
-        rests = xp.logical_and(sizes[i] < np.inf, _norm(xp, scout.way) < still)
+        rests = xp.logical_and(sizes[i] < np.inf, norm(xp, scout.way) < still)
         bound = xp.where(sizes[i] < np.inf, _bound(xp, scout), np.inf)
         worst, place = sizes[0], 0.0 * limits.stop
         for j in range(1, KEPT):
@@ -476,7 +476,7 @@ def _follow(
     for j in range(KEPT):
         there = sizes[j] < np.inf
         whole = found[j].offset
-        offset = xp.where(there, _at_most(xp, _norm(xp, whole), sizes[j]) * whole, 0.0)
+        offset = xp.where(there, at_most(xp, norm(xp, whole), sizes[j]) * whole, 0.0)
         known.append(found[j]._replace(offset=offset, far=xp.where(there, sizes[j], np.inf)))
         ages[j] = xp.where(there, 0.0, 1.0 + PATIENCE)
         lost = found[j]._replace(point=x)
@@ -499,13 +499,13 @@ def _size(xp: Any, one: Followed, age: Any, still: Any) -> Any:
     Of one on a longer way than `still` it is what the set may be at most: it bends on the way.
     """
     on = xp.logical_and(one.far < LOST, age < 1.0 + PATIENCE)
-    most, rests = _bound(xp, one), _norm(xp, one.way) < still
-    return xp.where(on, xp.where(rests, xp.minimum(_norm(xp, one.offset), most), most), np.inf)
+    most, rests = _bound(xp, one), norm(xp, one.way) < still
+    return xp.where(on, xp.where(rests, xp.minimum(norm(xp, one.offset), most), most), np.inf)
 
 
 def _bound(xp: Any, one: Followed) -> Any:
     """Return how far the set may be at most by what one saw, wherever it comes to rest."""
-    return _norm(xp, one.offset - one.way) + DOUBTED * one.far
+    return norm(xp, one.offset - one.way) + DOUBTED * one.far
 
 
 def _chance(xp: Any, number: Any, n: int) -> Any:
@@ -535,7 +535,7 @@ def _released(
     So none that is followed no more is let go faster than `slow` is approached.
     """
     way = memory.held - x
-    size = _norm(xp, way)
+    size = norm(xp, way)
     far = size + limits.slow / limits.tau * tick
     there = xp.logical_and(xp.logical_not(fresh), xp.logical_and(size > 0.0, far < limits.slow))
     offset = xp.where(there, way * (far / xp.where(there, size, 1.0)), 0.0)
@@ -580,7 +580,7 @@ def _lost(xp: Any, tree: Structure, turns: list[Any], u: Any) -> Any:
     for i, row in enumerate(tree.rows):
         rows[row] = own[i]
     found = _turned(xp, [T.T for T in turns], xp.stack(rows))
-    return found / _norm(xp, found)
+    return found / norm(xp, found)
 
 
 def _nearness(xp: Any, far: Any, limits: Limits) -> Any:
@@ -616,7 +616,7 @@ def _raising(xp: Any, null: list[Any], y: Any, far: Any, away: Any, limits: Limi
     N = xp.stack(null)
     way = (N @ away) @ N
     rate = xp.where(far < limits.slow, (limits.slow - far) / limits.tau, 0.0)
-    return xp.minimum(rate, _norm(xp, y)) * way
+    return xp.minimum(rate, norm(xp, y)) * way
 
 
 def _held_off(xp: Any, y: Any, one: Followed, limits: Limits) -> Any:
@@ -625,137 +625,17 @@ def _held_off(xp: Any, y: Any, one: Followed, limits: Limits) -> Any:
     away = -one.offset / xp.where(known, one.far, 1.0)
     room, x = one.far - (1.0 + EDGE) * limits.stop, _nearness(xp, one.far, limits)
     most = room / (limits.tau * xp.where(known, 1.0 - x, 1.0))
-    most = xp.maximum(most, -OUTWARD * _norm(xp, y))
+    most = xp.maximum(most, -OUTWARD * norm(xp, y))
     over = -(away @ y) - most
     return xp.where(xp.logical_and(known, over > 0.0), y + over * away, y)
 
 
-def _turning(xp: Any, y: Any, last: Any, memory: Memory, limits: Limits) -> tuple[Any, Any]:
-    """Return the share of y with which the accelerations allow it to turn, and how fast it turns.
-
-    It turns as since the last tick, or as fast as it will until the arm could have stopped.
-    """
-    went = memory.dt > 0.0
-    per = xp.where(went, 1.0 / xp.where(went, memory.dt, 1.0), 0.0)
-    turn = per * (y - memory.wished / limits.radians)
-    time = AHEAD * _extreme(xp.maximum, xp.absolute(last) / limits.acceleration)
-    later = turn + time * per * (turn - memory.turn / limits.radians)
-    most = xp.maximum(xp.absolute(turn), xp.absolute(later)) / limits.acceleration
-    return _at_most(xp, _extreme(xp.maximum, most), TURNING), turn
-
-
-def _slowest(xp: Any, y: Any, turned: Any, limits: Limits) -> tuple[Any, Any]:
-    """Return the share of y that the rates leave, and that which the wheels leave of that."""
-    rate = _at_most(xp, _extreme(xp.maximum, xp.absolute(y) / limits.rate), 1.0)
-    return rate, _at_most(xp, _norm(xp, turned @ y) * rate, limits.wheels)
-
-
-def _shares(
-    xp: Any, y: Any, turn: Any, x: Any, known: list[Followed], dt: Any, braking: float,
-    limits: Limits,
-) -> tuple[Any, Any]:  # fmt: skip
-    """Return the shares of y that the ends of the joints leave, and the stopping distance.
-
-    An arm that brakes in a straight line, by a share `braking` of the accelerations, comes
-    y (dt + T / 2) far, T the time that it takes. With a direction that goes on turning by `turn`,
-    as far as that leads towards an end, share s of it comes s y dt + s^2 y T / 2 + s^3 turn T^2 / 6
-    far.
-    """
-    size = _norm(xp, y)
-    time = _extreme(xp.maximum, xp.absolute(y) / (braking * limits.acceleration))
-
-    def reaches(way: Any, rate: Any) -> Any:
-        """Return the share s with rate (s dt + s^2 T / 2) = way, at most 1."""
-        there = rate > 0.0
-        length = xp.maximum(way, 0.0) / xp.where(there, rate, 1.0)
-        root = dt + xp.sqrt(dt * dt + 2.0 * time * length)
-        share = 2.0 * length / xp.where(root > 0.0, root, 1.0)
-        return xp.where(there, xp.minimum(share, 1.0), 1.0)
-
-    def turns(way: Any, rate: Any, turn: Any) -> Any:
-        """Return the largest share that comes no farther, as the rate turns, by Newton's method."""
-        share = 1.0
-        for _ in range(NEWTON):
-            far = share * (rate * dt + share * time * (0.5 * rate + share * time * turn / 6.0))
-            slope = rate * dt + share * time * (rate + 0.5 * share * time * turn)
-            over = xp.logical_and(far > way, slope > 0.0)
-            share = share - xp.where(over, (far - way) / xp.where(over, slope, 1.0), 0.0)
-        return xp.maximum(share, 0.0)
-
-    def ends(rates: Any) -> list[Any]:
-        return [xp.where(rates[j] > 0.0, limits.upper[j] - x[j], x[j] - limits.lower[j])
-                for j in range(len(x))]  # fmt: skip
-
-    position = _extreme(xp.minimum, [
-        reaches(way, xp.absolute(rate)) for way, rate in zip(ends(y), y, strict=True)
-    ] + [
-        turns(xp.maximum(way, 0.0), xp.where(by > 0.0, rate, -rate), xp.absolute(by))
-        for way, rate, by in zip(ends(turn), y, turn, strict=True)
-    ])  # fmt: skip
-    stopping = _at_most(xp, size * dt, LONGEST_WAY)
-    for one in known:
-        near = one.far < np.inf
-        length = xp.where(near, one.far, 1.0)
-        towards = (one.offset @ y) / xp.where(length * size > 0.0, length * size, 1.0)
-        room = xp.maximum(length - (1.0 + MARGIN) * limits.stop, 0.0)
-        root = xp.sqrt(towards * towards + 2.0 * room / limits.stop)
-        way = xp.where(towards > 0.0, 2.0 * room / xp.where(towards > 0.0, towards + root, 1.0),
-                       limits.stop * (root - towards))  # fmt: skip
-        stopping = xp.where(near, xp.minimum(stopping, reaches(way, size)), stopping)
-    return position, stopping
-
-
-def _at_most(xp: Any, value: Any, most: Any) -> Any:
-    """Return the share of a value that is at most so much."""
-    over = value > most
-    return xp.where(over, most / xp.where(over, value, 1.0), 1.0)
-
-
-def _accelerated(xp: Any, y: Any, last: Any, dt: Any, limits: Limits) -> tuple[Any, Any, Any]:
-    """Return the rates of an arm that brakes, the share of y that is done, and rates towards y.
-
-    The latter are along y if the accelerations allow that, else between those that brake and y.
-    """
-    most = limits.acceleration * dt
-    time = _extreme(xp.maximum, xp.absolute(last) / limits.acceleration)
-    goes_on = time > dt
-    brake = last * xp.where(goes_on, 1.0 - dt / xp.where(goes_on, time, 1.0), 0.0)
-    moves, change = xp.absolute(y) > 0.0, y - brake
-    rate, rests = xp.where(moves, y, 1.0), xp.absolute(last) <= most
-    ends = (last - most) / rate, (last + most) / rate
-    least = xp.where(moves, xp.minimum(*ends), xp.where(rests, 0.0, LARGEST))
-    low = xp.maximum(_extreme(xp.maximum, least), 0.0)
-    high = _extreme(xp.minimum, xp.where(moves, xp.maximum(*ends), LARGEST))
-    speed = _extreme(xp.maximum, xp.absolute(y) / limits.acceleration)
-    calm = (time + SPEEDING * dt) / xp.where(speed > 0.0, speed, 1.0)
-    high = xp.where(speed > 0.0, xp.minimum(high, xp.maximum(low, calm)), high)
-    along = xp.logical_and(low <= high, low < LARGEST)
-    share = xp.where(along, xp.minimum(xp.maximum(low, 1.0), high), 0.0)
-    left = xp.maximum(most - xp.where(change > 0.0, brake - last, last - brake), 0.0)
-    by = _extreme(xp.minimum, _at_most(xp, xp.absolute(change), left))
-    goes = xp.where(along, share * y, brake + by * change)
-    return brake, xp.where(along, xp.minimum(share, 1.0), by), goes
-
-
-def _norm(xp: Any, x: Any) -> Any:
-    """Return the length of a vector."""
-    return xp.sqrt((x * x).sum())
-
-
 def _distance(xp: Any, x: Any, y: Any) -> Any:
     """Return how far two points are apart."""
-    return _norm(xp, x - y)
+    return norm(xp, x - y)
 
 
 def _share(xp: Any, part: Any, whole: Any) -> Any:
     """Return part / whole, 1 where there is nothing."""
     there = whole > 0.0
     return xp.where(there, part / xp.where(there, whole, 1.0), 1.0)
-
-
-def _extreme(of: Any, values: Any) -> Any:
-    """Return the least, the largest, or whether all, of some numbers or masks."""
-    found = values[0]
-    for value in values[1:]:
-        found = of(found, value)
-    return found

@@ -1,0 +1,148 @@
+"""How fast an arm may go along a wish: rates, accelerations, ends of joints, singular postures.
+
+The rates y of a servo are scaled so that they, the accelerations and the momentum that wheels take
+up keep their limits, so that the direction turns no faster than the accelerations allow, and so
+that an arm that brakes from now on, as its wish turns on, stays within its limits of position and
+farther than `stop` from the singular postures that are followed; see `equations.servo`, whose
+`Limits`, `Memory` and `Followed` these functions take. Angles count in radians of each joint.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+#: Share of the accelerations that is left to turn by, and taken up by what the wish changes.
+TURNING = 0.25
+#: Share of the accelerations by which an arm that keeps its direction speeds up.
+SPEEDING = 0.25
+#: Share of the time in which an arm could stop for which the change of the wish is foreseen.
+AHEAD = 0.5
+#: Steps of Newton's method to the share that an end leaves.
+NEWTON = 4
+#: Share of `stop` beyond it before which an arm can stop; longest way of the arm in a tick, on
+#: which no posture is lost [rad].
+MARGIN, LONGEST_WAY = 0.02, 0.02
+#: Larger numbers are faults.
+LARGEST = 1e9
+
+
+def turning(xp: Any, y: Any, last: Any, memory: Any, limits: Any) -> tuple[Any, Any]:
+    """Return the share of y with which the accelerations allow it to turn, and how fast it turns.
+
+    It turns as since the last tick, or as fast as it will until the arm could have stopped.
+    """
+    went = memory.dt > 0.0
+    per = xp.where(went, 1.0 / xp.where(went, memory.dt, 1.0), 0.0)
+    turn = per * (y - memory.wished / limits.radians)
+    time = AHEAD * extreme(xp.maximum, xp.absolute(last) / limits.acceleration)
+    later = turn + time * per * (turn - memory.turn / limits.radians)
+    most = xp.maximum(xp.absolute(turn), xp.absolute(later)) / limits.acceleration
+    return at_most(xp, extreme(xp.maximum, most), TURNING), turn
+
+
+def slowest(xp: Any, y: Any, turned: Any, limits: Any) -> tuple[Any, Any]:
+    """Return the share of y that the rates leave, and that which the wheels leave of that."""
+    rate = at_most(xp, extreme(xp.maximum, xp.absolute(y) / limits.rate), 1.0)
+    return rate, at_most(xp, norm(xp, turned @ y) * rate, limits.wheels)
+
+
+def shares_left(
+    xp: Any, y: Any, turn: Any, x: Any, known: list[Any], dt: Any, braking: float,
+    limits: Any,
+) -> tuple[Any, Any]:  # fmt: skip
+    """Return the shares of y that the ends of the joints leave, and the stopping distance.
+
+    An arm that brakes in a straight line, by a share `braking` of the accelerations, comes
+    y (dt + T / 2) far, T the time that it takes. With a direction that goes on turning by `turn`,
+    as far as that leads towards an end, share s of it comes s y dt + s^2 y T / 2 + s^3 turn T^2 / 6
+    far.
+    """
+    size = norm(xp, y)
+    time = extreme(xp.maximum, xp.absolute(y) / (braking * limits.acceleration))
+
+    def reaches(way: Any, rate: Any) -> Any:
+        """Return the share s with rate (s dt + s^2 T / 2) = way, at most 1."""
+        there = rate > 0.0
+        length = xp.maximum(way, 0.0) / xp.where(there, rate, 1.0)
+        root = dt + xp.sqrt(dt * dt + 2.0 * time * length)
+        share = 2.0 * length / xp.where(root > 0.0, root, 1.0)
+        return xp.where(there, xp.minimum(share, 1.0), 1.0)
+
+    def turns(way: Any, rate: Any, turn: Any) -> Any:
+        """Return the largest share that comes no farther, as the rate turns, by Newton's method."""
+        share = 1.0
+        for _ in range(NEWTON):
+            far = share * (rate * dt + share * time * (0.5 * rate + share * time * turn / 6.0))
+            slope = rate * dt + share * time * (rate + 0.5 * share * time * turn)
+            over = xp.logical_and(far > way, slope > 0.0)
+            share = share - xp.where(over, (far - way) / xp.where(over, slope, 1.0), 0.0)
+        return xp.maximum(share, 0.0)
+
+    def ends(rates: Any) -> list[Any]:
+        return [xp.where(rates[j] > 0.0, limits.upper[j] - x[j], x[j] - limits.lower[j])
+                for j in range(len(x))]  # fmt: skip
+
+    position = extreme(xp.minimum, [
+        reaches(way, xp.absolute(rate)) for way, rate in zip(ends(y), y, strict=True)
+    ] + [
+        turns(xp.maximum(way, 0.0), xp.where(by > 0.0, rate, -rate), xp.absolute(by))
+        for way, rate, by in zip(ends(turn), y, turn, strict=True)
+    ])  # fmt: skip
+    stopping = at_most(xp, size * dt, LONGEST_WAY)
+    for one in known:
+        near = one.far < np.inf
+        length = xp.where(near, one.far, 1.0)
+        towards = (one.offset @ y) / xp.where(length * size > 0.0, length * size, 1.0)
+        room = xp.maximum(length - (1.0 + MARGIN) * limits.stop, 0.0)
+        root = xp.sqrt(towards * towards + 2.0 * room / limits.stop)
+        way = xp.where(towards > 0.0, 2.0 * room / xp.where(towards > 0.0, towards + root, 1.0),
+                       limits.stop * (root - towards))  # fmt: skip
+        stopping = xp.where(near, xp.minimum(stopping, reaches(way, size)), stopping)
+    return position, stopping
+
+
+def accelerated(xp: Any, y: Any, last: Any, dt: Any, limits: Any) -> tuple[Any, Any, Any]:
+    """Return the rates of an arm that brakes, the share of y that is done, and rates towards y.
+
+    The latter are along y if the accelerations allow that, else between those that brake and y.
+    """
+    most = limits.acceleration * dt
+    time = extreme(xp.maximum, xp.absolute(last) / limits.acceleration)
+    goes_on = time > dt
+    brake = last * xp.where(goes_on, 1.0 - dt / xp.where(goes_on, time, 1.0), 0.0)
+    moves, change = xp.absolute(y) > 0.0, y - brake
+    rate, rests = xp.where(moves, y, 1.0), xp.absolute(last) <= most
+    ends = (last - most) / rate, (last + most) / rate
+    least = xp.where(moves, xp.minimum(*ends), xp.where(rests, 0.0, LARGEST))
+    low = xp.maximum(extreme(xp.maximum, least), 0.0)
+    high = extreme(xp.minimum, xp.where(moves, xp.maximum(*ends), LARGEST))
+    speed = extreme(xp.maximum, xp.absolute(y) / limits.acceleration)
+    calm = (time + SPEEDING * dt) / xp.where(speed > 0.0, speed, 1.0)
+    high = xp.where(speed > 0.0, xp.minimum(high, xp.maximum(low, calm)), high)
+    along = xp.logical_and(low <= high, low < LARGEST)
+    share = xp.where(along, xp.minimum(xp.maximum(low, 1.0), high), 0.0)
+    left = xp.maximum(most - xp.where(change > 0.0, brake - last, last - brake), 0.0)
+    by = extreme(xp.minimum, at_most(xp, xp.absolute(change), left))
+    goes = xp.where(along, share * y, brake + by * change)
+    return brake, xp.where(along, xp.minimum(share, 1.0), by), goes
+
+
+def at_most(xp: Any, value: Any, most: Any) -> Any:
+    """Return the share of a value that is at most so much."""
+    over = value > most
+    return xp.where(over, most / xp.where(over, value, 1.0), 1.0)
+
+
+def norm(xp: Any, x: Any) -> Any:
+    """Return the length of a vector."""
+    return xp.sqrt((x * x).sum())
+
+
+def extreme(of: Any, values: Any) -> Any:
+    """Return the least, the largest, or whether all, of some numbers or masks."""
+    found = values[0]
+    for value in values[1:]:
+        found = of(found, value)
+    return found
