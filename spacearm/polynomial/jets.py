@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import permutations
-from typing import Any, NamedTuple
+from functools import cached_property, lru_cache
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
-from spacearm.arrays import Array, Booleans
+from spacearm.arrays import Array, Booleans, Integers
 from spacearm.polynomial.trig import TrigPolynomial, derivative_bounds
 from spacearm.polynomial.univariate import orders
 
@@ -142,39 +142,46 @@ class Jets:
         m = len(Q)
         if not self._axes:
             return {(): np.tile(tensors, (m, 1))}
-        axes = list(self._axes)
+        axes, waves = list(self._axes), self._waves(Q, order)
         j = axes.pop()
-        waves = self._waves(Q[:, j], j, order)  # (m, size, order + 1)
-        size = waves.shape[1]
-        first = tensors.reshape(-1, size) @ waves.transpose(1, 0, 2).reshape(size, -1)
+        size = waves[j].shape[1]
+        first = tensors.reshape(-1, size) @ waves[j].transpose(1, 0, 2).reshape(size, -1)
         first = first.reshape(-1, m, order + 1).transpose(2, 1, 0)
         partial = {(j,) * e: first[e] for e in range(order + 1)}
         while axes:
             j = axes.pop()
-            waves = self._waves(Q[:, j], j, order)
-            size, after = waves.shape[1], {}
+            size, after = waves[j].shape[1], {}
             for of, values in partial.items():
                 left = order - len(of)
-                product = values.reshape(m, -1, size) @ waves[:, :, : left + 1]
+                sums = values.reshape(m, -1, size) @ waves[j][:, :, : left + 1]
                 for e in range(left + 1):
-                    after[(*of, *(j,) * e)] = product[:, :, e]
+                    after[(*of, *(j,) * e)] = sums[:, :, e]
             partial = after
         return {of: values.reshape(m, -1) for of, values in partial.items()}
 
-    def _waves(self, q: Array, j: int, order: int) -> Array:
-        """Compute the basis of coordinate j and its derivatives, (m, size, order + 1)."""
-        d = self.polynomial.degrees[j]
-        if self.chart.slides[j]:
-            x = (q - self.chart.centre[j]) / self.chart.half[j]
-            T = chebyshev(x, d, order)
-            return T / self.chart.half[j] ** np.arange(order + 1)
-        k, one = np.arange(1, d + 1), np.ones((len(q), 1))
-        cosine, sine = np.cos(q[:, None] * k), np.sin(q[:, None] * k)
-        waves = [np.hstack((one, cosine, sine))]
-        for _ in range(order):
-            cosine, sine = -k * sine, k * cosine
-            waves.append(np.hstack((0.0 * one, cosine, sine)))
-        return np.stack(waves, axis=-1)
+    def _waves(self, Q: Array, order: int) -> dict[int, Array]:
+        """Compute the bases of the coordinates that matter, and derivatives.
+
+        Returns:
+            (m, size, order + 1) of each.
+        """
+        found, degrees = {}, self.polynomial.degrees
+        k = np.arange(1, max(degrees) + 1)
+        phases = Q[:, :, None] * k
+        circles = np.cos(phases), np.sin(phases)
+        for j in self._axes:
+            d = degrees[j]
+            if self.chart.slides[j]:
+                x = (Q[:, j] - self.chart.centre[j]) / self.chart.half[j]
+                found[j] = chebyshev(x, d, order) / self.chart.half[j] ** np.arange(order + 1)
+                continue
+            found[j] = waves = np.zeros((len(Q), 2 * d + 1, order + 1))
+            waves[:, 0, 0] = 1.0
+            cosine, sine = (circle[:, j, :d] for circle in circles)
+            for e in range(order + 1):
+                waves[:, 1 : d + 1, e], waves[:, d + 1 :, e] = cosine, sine
+                cosine, sine = -k[:d] * sine, k[:d] * cosine
+        return found
 
     def curvature(self, reach: Array) -> Array:
         """Bound the second derivatives, (n, n), wherever |(d - centre) / half| <= reach (n,)."""
@@ -227,7 +234,7 @@ def stacked(polynomials: Sequence[Jets], Q: Array, order: int = 0) -> Jet:
     Those of the same degrees are evaluated together.
     """
     (m, n), c = Q.shape, len(polynomials)
-    parts = [np.zeros((m if e <= order else 0, c, *(n,) * e)) for e in range(4)]
+    parts = [np.empty((m if e <= order else 0, c, n**e)) for e in range(4)]
     alike: dict[tuple[int, ...], list[int]] = {}
     for i, f in enumerate(polynomials):
         alike.setdefault(f.polynomial.degrees, []).append(i)
@@ -237,11 +244,24 @@ def stacked(polynomials: Sequence[Jets], Q: Array, order: int = 0) -> Jet:
         step = max(1, BLOCK // max(1, tensors.size))
         for first in range(0, m, step):
             rows = slice(first, first + step)
-            for of, values in one.partials(tensors, Q[rows], order).items():
-                for index in set(permutations(of)):
-                    at: Any = (rows, which, *index)
-                    parts[len(of)][at] = values
-    return Jet(*parts)
+            partial = one.partials(tensors, Q[rows], order)
+            values = np.stack([*partial.values(), np.zeros_like(partial[()])], axis=-1)
+            for part, columns in zip(parts, _symmetric(tuple(partial), n, order), strict=False):
+                part[rows, which] = values[..., columns]
+    return Jet(*(part.reshape(*part.shape[:2], *(n,) * e) for e, part in enumerate(parts)))
+
+
+@lru_cache(maxsize=256)
+def _symmetric(of: tuple[tuple[int, ...], ...], n: int, order: int) -> list[Integers]:
+    """Return, for the derivatives of each order, (n^e,) which partial derivative each one is.
+
+    Those that are none of them are the one after the last.
+    """
+    places = {tuple(sorted(index)): i for i, index in enumerate(of)}
+    return [
+        np.array([places.get(tuple(sorted(i)), len(of)) for i in product(range(n), repeat=e)])
+        for e in range(order + 1)
+    ]
 
 
 class Pointwise:

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
+from scipy.optimize import brentq
 
 from spacearm.arrays import Array, ArrayLike, Booleans, Progress, numbers_of, positive, shape_of
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
@@ -50,8 +51,8 @@ FEW, DESCENTS, DESCENT = 64, 6, 12
 ON_THE_SET = 1e-9
 #: Half width of cells that are not halved.
 NARROW = 1e-7
-#: Parts of a way to a root, of which the first with a change of sign is divided in turn; how often.
-PARTS, SECTIONS = 64, 10
+#: Parts of a way to a root, in the first of which with a change of sign it is found.
+PARTS = 64
 TURN = 2.0 * np.pi
 
 Side = Literal["lower", "upper"]
@@ -686,11 +687,16 @@ class Growth:
 
     def between(self, x: Array, low: Array, high: Array, side: tuple[int, int] | None) -> Array:
         """Return the root between x (n,), where the sign is another, and that side."""
-        here, there = self.clipped(x[None], low, high, side)[0], x
-        for _ in range(SECTIONS):
-            way = here + np.linspace(0.0, 1.0, PARTS + 1)[:, None] * (there - here)
-            other = self.region.values(way[1:]) * self.sign < 0.0
-            other[-1] = True
-            first = int(np.argmax(other))
-            here, there = way[first], way[first + 1]
-        return there
+        edge = self.clipped(x[None], low, high, side)
+        way = edge + np.linspace(0.0, 1.0, PARTS + 1)[:, None] * (x - edge)
+        other = self.region.values(way) * self.sign < 0.0
+        other[-1] = True
+        first = max(int(np.argmax(other)), 1)
+        here, there = way[first - 1 : first + 1]
+
+        def value(share: float) -> float:
+            return float(self.region.values((here + share * (there - here))[None])[0])
+
+        if value(0.0) * value(1.0) >= 0.0:  # one of them is as good as zero
+            return there
+        return here + brentq(value, 0.0, 1.0, xtol=1e-12) * (there - here)
