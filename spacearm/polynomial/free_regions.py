@@ -184,6 +184,33 @@ class Roots:
             self._noise * (1.0 + turn + turn**2 / 2.0 + turn**3 / 6.0),
         )
 
+    def tried(
+        self, centre: Array, half: Array, age: Integers, inside: Expansion | None = None
+    ) -> tuple[Booleans, Array, int]:
+        """Tell which boxes are free, of young ones by the smallest polynomials alone.
+
+        Args:
+            centre: As of `free`.
+            half: As of `free`.
+            age: (m,) how often boxes were halved since all polynomials were tried; written to.
+            inside: As of `free`.
+
+        Returns:
+            (m,) whether it is proven, (m, n) as of `free`, and the number of boxes that were tried,
+            in shares of all coefficients.
+        """
+        small = self.small
+        free, taken = small.free(centre, half, inside)
+        age += 1
+        if small is self:
+            return free, taken, len(age)
+        again = np.flatnonzero(~free & (age > PATIENCE))
+        if len(again):
+            part = None if inside is None else Expansion(*(numbers[again] for numbers in inside))
+            free[again], taken[again] = self.free(centre[again], half[again], part)
+            age[again] = 0
+        return free, taken, math.ceil(small.size / self.size * len(age)) + len(again)
+
     def free(
         self, centre: Array, half: Array, inside: Expansion | None = None
     ) -> tuple[Booleans, Array]:
@@ -251,8 +278,7 @@ def prove(
     of = np.flatnonzero((low <= high).all(axis=1))
     centre, half = 0.5 * (low + high)[of], 0.5 * (high - low)[of] * (1.0 + ROUNDING)
     away = tubes.distances(centre, half, of) - tubes.slack[of]
-    age, tried, small = np.zeros(len(of), dtype=int), 0, roots.small
-    share = small.size / max(roots.size, 1)
+    age, tried = np.zeros(len(of), dtype=int), 0
     batch = min(BATCH, max(most // SPLIT, LEAST))
     while len(centre):
         order = np.argsort(away, kind="stable")
@@ -261,14 +287,8 @@ def prove(
             open_ = np.where(roots.relevant, centre[order], whole.start[of[order]])
             return Proof(min(max(float(away[now[0]]), 0.0), tubes.radius), open_, tried)
         inside = _inside(tubes, centre[now], half[now], of[now])
-        free, taken = small.free(centre[now], half[now], inside)
-        again = np.flatnonzero(~free & (age[now] >= PATIENCE)) if share < 1.0 else now[:0]
-        if len(again):
-            part = Expansion(*(numbers[again] for numbers in inside))
-            at = now[again]
-            free[again], taken[again] = roots.free(centre[at], half[at], part)
-            age[at] = -1
-        work = math.ceil(share * len(now)) + len(again)
+        older = age[now]
+        free, taken, work = roots.tried(centre[now], half[now], older, inside)
         tried += work
         if progress:
             progress(work)
@@ -280,7 +300,7 @@ def prove(
         centre = np.concatenate((centre[later], c[near]))
         half = np.concatenate((half[later], h[near]))
         away, of = np.append(away[later], d[near]), np.append(of[later], which[near])
-        age = np.append(age[later], np.tile(age[left] + 1, 2)[near])
+        age = np.append(age[later], np.tile(older[~free], 2)[near])
     return Proof(tubes.radius, centre, tried)
 
 

@@ -32,7 +32,8 @@ from spacearm.polynomial.tubes import ROUNDING
 from spacearm.results import Cell, Column, Description, Result, Table
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import digest_of_set
-from spacearm.singularities.joint_boxes import TURN, minors_for_proofs, range_allowed
+from spacearm.singularities.joint_boxes import TURN, range_allowed
+from spacearm.singularities.polynomials import minors_for_proofs
 
 #: Cells that are tried at a time.
 BATCH = 4096

@@ -21,20 +21,28 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 from scipy.optimize import brentq
 
-from spacearm.arrays import Array, ArrayLike, Booleans, Progress, numbers_of, positive, shape_of
-from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
+from spacearm.arrays import (
+    Array,
+    ArrayLike,
+    Booleans,
+    Integers,
+    Progress,
+    numbers_of,
+    positive,
+    shape_of,
+)
+from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.files import write
-from spacearm.model.arguments import BaseMode, require_possible
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_scales
 from spacearm.polynomial.free_regions import Roots, halved
-from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.tubes import ROUNDING
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import payload_note
 from spacearm.singularities.nearest import NearestSearch
-from spacearm.singularities.polynomials import chart_of, proving_minors
+from spacearm.singularities.polynomials import chart_of, minors_for_proofs
 
 #: How far before a singular configuration a side stops, as a share of the width of its joint, which
 #: counts as no less than so much.
@@ -303,8 +311,11 @@ class Region(Protocol):
     def values(self, X: Array) -> Array:
         """Compute what changes its sign, (m,) at x (m, n)."""
 
-    def free(self, centre: Array, half: Array) -> tuple[Booleans, Array]:
-        """Tell which boxes (m, n) are free, and what the width of each coordinate takes."""
+    def tried(self, centre: Array, half: Array, age: Integers) -> tuple[Booleans, Array, int]:
+        """Tell which boxes (m, n) are free, what the width of each coordinate takes, and the work.
+
+        What is kept of a box while it is halved is its age (m,), zero at first.
+        """
 
 
 def grown(
@@ -345,23 +356,6 @@ def grown(
     growth.grow(named)
     growth.grow(growth.relevant)
     return growth
-
-
-def minors_for_proofs(arm: SpaceArm, mode: BaseMode) -> list[Jets]:
-    """Return the minors that prove configurations regular, the smallest first.
-
-    Raises:
-        ConfigurationError: There is no such mode.
-        UnsupportedError: There are none, or the arm can never do its task.
-    """
-    require_possible(arm, mode)
-    minors = sorted(proving_minors(arm, mode), key=lambda f: f.polynomial.coefficients.size)
-    if not minors:
-        raise UnsupportedError(
-            f"{arm.name}: J* has no minors that a proof could use, as with joints that mimic "
-            "others, or too many of them; lock joints"
-        )
-    return minors
 
 
 def range_allowed(
@@ -575,19 +569,19 @@ class Growth:
             return False, root
         outer = np.array((low - self.clear, high + self.clear))
         half = 0.5 * (outer[1] - outer[0]) * (1.0 + ROUNDING)
-        stack = [(outer.mean(axis=0)[None], half[None])]
+        stack = [(outer.mean(axis=0)[None], half[None], np.zeros(1, dtype=int))]
         looked, descents = 0, 0
         while stack:
-            centre, half = stack.pop()
+            centre, half, age = stack.pop()
             if len(centre) > BATCH:
-                stack.append((centre[BATCH:], half[BATCH:]))
-                centre, half = centre[:BATCH], half[:BATCH]
-            looked += len(centre)
-            self.cells += len(centre)
+                stack.append((centre[BATCH:], half[BATCH:], age[BATCH:]))
+                centre, half, age = centre[:BATCH], half[:BATCH], age[:BATCH]
+            free, taken, work = self.region.tried(centre, half, age)
+            looked += work
+            self.cells += work
             if self.progress:
                 self.progress(min(self.cells, self.effort.cells), self.effort.cells)
-            free, taken = self.region.free(centre, half)
-            centre, half, taken = centre[~free], half[~free], taken[~free]
+            centre, half, age, taken = (part[~free] for part in (centre, half, age, taken))
             if not len(centre):
                 continue
             root = None
@@ -599,7 +593,7 @@ class Growth:
                 return False, root
             centre, half = halved(centre, half, taken)
             near = self.away(centre, half, low, high) <= self.clearance
-            stack.append((centre[near], half[near]))
+            stack.append((centre[near], half[near], np.tile(age, 2)[near]))
         return True, None
 
     def away(self, centre: Array, half: Array | float, low: Array, high: Array) -> Array:
@@ -689,10 +683,9 @@ class Growth:
         """Return the root between x (n,), where the sign is another, and that side."""
         edge = self.clipped(x[None], low, high, side)
         way = edge + np.linspace(0.0, 1.0, PARTS + 1)[:, None] * (x - edge)
-        other = self.region.values(way) * self.sign < 0.0
-        other[-1] = True
-        first = max(int(np.argmax(other)), 1)
-        here, there = way[first - 1 : first + 1]
+        other = self.region.values(way[1:-1]) * self.sign < 0.0
+        first = int(np.argmax(np.append(other, True)))
+        here, there = way[first : first + 2]
 
         def value(share: float) -> float:
             return float(self.region.values((here + share * (there - here))[None])[0])

@@ -517,6 +517,23 @@ def proving_minors(arm: SpaceArm, mode: BaseMode) -> Sequence[Jets]:
     return ()
 
 
+def minors_for_proofs(arm: SpaceArm, mode: BaseMode) -> list[Jets]:
+    """Return the minors that prove configurations regular, the smallest first.
+
+    Raises:
+        ConfigurationError: There is no such mode.
+        UnsupportedError: There are none, or the arm can never do its task.
+    """
+    require_possible(arm, mode)
+    minors = sorted(proving_minors(arm, mode), key=lambda f: f.polynomial.coefficients.size)
+    if not minors:
+        raise UnsupportedError(
+            f"{arm.name}: J* has no minors that a proof could use, as with joints that mimic "
+            "others, or too many of them; lock joints"
+        )
+    return minors
+
+
 def _of_angles(arm: SpaceArm, mode: BaseMode, own: Chart, columns: Iterable[Columns]) -> Sampler:
     """Return the function that computes minors (m, len(columns)) at angles (m, n)."""
     sampler = minor_sampler(arm, columns, mode)

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spacearm.arrays import Array, ArrayLike, Booleans, Progress
+from spacearm.arrays import Array, ArrayLike, Booleans, Integers, Progress
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.batch import tips_from_centre
 from spacearm.model.arguments import FLOATING, require_possible
@@ -232,7 +232,7 @@ class Family:
         value = determinants(self.matrix(X))
         return np.where(np.abs(value) > SURE, value, 0.0)
 
-    def free(self, centre: Array, half: Array) -> tuple[Booleans, Array]:
+    def tried(self, centre: Array, half: Array, _: Integers) -> tuple[Booleans, Array, int]:
         """Tell in which boxes no arm is singular, rounding included.
 
         Args:
@@ -240,7 +240,7 @@ class Family:
             half: (m, n + p) half widths.
 
         Returns:
-            (m,) whether it is proven, and (m, n + p) what the width of each coordinate takes.
+            (m,) whether it is proven, (m, n + p) what the width of each coordinate takes, and m.
         """
         seen, n = self.enclosure(centre, half), len(self.unit)
         proven, v = strongly_regular(seen.bound)
@@ -250,10 +250,10 @@ class Family:
             columns = n + np.array(link)
             widest = columns[half[:, columns].argmax(axis=1)]
             taken[np.arange(len(half)), widest] = ((part @ v) / v).max(axis=(1, 2))
-        return proven & np.isfinite(seen.bound).all(axis=(1, 2)), taken
+        return proven & np.isfinite(seen.bound).all(axis=(1, 2)), taken, len(half)
 
     def enclosure(self, centre: Array, half: Array) -> Enclosure:
-        """Bound M X - 1 in boxes; arguments as those of `free`."""
+        """Bound M X - 1 in boxes; arguments as those of `tried`."""
         m, n = len(centre), len(self.unit)
         width = self.unit * half[:, :n]
         low, high = (0.5 + 0.5 * (centre + s * half)[:, n:] for s in (-1.0, 1.0))
