@@ -92,7 +92,8 @@ bus for an arm alone (its mass is not in the fifth column), the first of several
 `check="warn"` for inertias that no rigid body has, `density=` where there are none.
 
 Printed by `python tests/tools/robots.py FOLDER ... --installed --count FOLDER ...`: copies of
-repositories, and packages from PyPI, of which some are counted only.
+repositories, and packages from PyPI, of which some are counted only (PyBullet's without the
+thousand bodies of its `random_urdfs`).
 """
 
 
