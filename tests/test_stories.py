@@ -31,7 +31,8 @@ def test_answers_stand_below_their_commands(tmp_path):
     page = tmp_path / "stories" / "page.md"
     page.write_text(PAGE, encoding="utf-8")
     (tmp_path / "faq.md").write_text("```sh\ntrue\n```\n", encoding="utf-8")
-    stories.write(tmp_path)
+    for job in stories.jobs(tmp_path):
+        job()
     kept = tmp_path / "generated" / "stories" / "page" / "answers.json"
     assert json.loads(kept.read_text(encoding="utf-8")) == ["one", "one\n two"]
     source = [PAGE]

@@ -78,7 +78,6 @@ def find_catch(
     q: opt.JointValues = None,
     window: str = "0,60",
     grapple: list[str] | None = None,
-    in_turn: bool = False,
     fly: bool = False,
     attitude: opt.Attitude = None,
     save: opt.Save = None,
@@ -90,7 +89,8 @@ def find_catch(
     The tip has the target's velocity at contact; then the joints brake both.
 
     --with gives what else sa.catch takes: start, approach, closing, touching, bears, wanted,
-    mode, constraints, search.
+    mode, constraints, search; and, by grapple=[{"left":"a"},{"right":"b"}], tips that grasp one
+    after the other.
 
     Options:
         target (TOML): The target, by the names of sa.Target: body (a robot file, or mass, size,
@@ -98,27 +98,20 @@ def find_catch(
         window (FROM,TO): Earliest and latest contact [s].
         grapple (FRAME|TIP=FRAME): Grapple frame to grasp; any of them by default. Of several tips
             that grasp at the same time the frame of each, once for each tip.
-        in_turn: Several tips grasp one after the other, in this order; then all brake.
         fly: Simulate the catch, from the approach to rest; --save gives each phase a file.
     """
     by_tip = _by_tip("--grapple", grapple or [])
     if by_tip and set(arm.tips) != set(by_tip):
         arm = arm.replace(tip=list(by_tip))
-    if in_turn and len(by_tip) < 2:
-        raise sa.ConfigurationError(
-            f"--in-turn needs two tips, and --grapple is {', '.join(grapple or []) or 'not given'};"
-            " give --grapple TIP=FRAME once for each tip"
-        )
-    turns = [{tip: frame} for tip, frame in by_tip.items()]
-    told = ("approach", "closing", "touching", "bears", "wanted", "mode")
-    asked = question(more, "start", "constraints", "search", *told)
+    told = ("grapple", "approach", "closing", "touching", "bears", "wanted", "mode")
+    frames = by_tip or (grapple[0] if grapple else None)
+    asked = question(more, "start", "constraints", "search", *told, grapple=frames)
     start = start_of(arm, asked, q, attitude, deg)
     early, late = opt.numbers("--window", window, 2).tolist()
     with working("trying contacts", searches=True) as progress:
         found = sa.catch(
             start,
             target_of(target),
-            turns if in_turn else by_tip or (grapple[0] if grapple else None),
             window=(early, late),
             constraints=constraints_of(asked.inner("constraints")),
             search=search_of(arm, asked.inner("search"), progress),

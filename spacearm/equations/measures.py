@@ -48,14 +48,16 @@ def singularity(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
         return 0.0 * q[0]
     at = kinematics.posture(xp, tree, p, q)
     J = kinematics.task_jacobian_at(xp, tree, at)
-    many = comb(n, k) > MOST_MINORS
-    one = many or k == n
-    found = xp.stack([determinant(xp, J @ J.T if many else J)]) if one else minors(J)
+    D = 1.0
     if tree.mode == "free-floating":
         i = tree.normal
-        D = minors(at.D) if i is None else at.D[i, i : i + 1]
-        found = found * (D * D if many else D)
-    return found[0] if one else (found * found).sum()
+        D = minors(at.D)[0] if i is None else at.D[i, i]
+    if k == n:
+        return D * determinant(xp, J)
+    if comb(n, k) > MOST_MINORS:
+        return D * D * determinant(xp, J @ J.T)
+    found = minors(J)
+    return D * D * (found * found).sum()
 
 
 def measures(

@@ -240,6 +240,7 @@ def test_beyond_slow_the_direction_is_kept_where_turning_joints_meet_their_ends(
     assert (np.abs(Q - q).max(axis=1) > 0.14).any()
 
 
+@pytest.mark.slow
 def test_a_posture_that_is_followed_no_more_is_let_go_as_fast_as_slow_is_approached():
     arm = sa.load("planar2")
     servo = sa.Servo(arm, rates=0.5, accelerations=2.0)
