@@ -167,7 +167,7 @@ EQUATIONS = [
             ("J* dq without J*", "-below[0]", "below[0]"),
         )),
         ("measures", "export/test_equations mechanics/test_batch", (
-            ("S = det(D) det(J*)", "found = found * (D * D if many else D)", "found = found * D * D"),
+            ("S = det(D) det(J*)", "return D * determinant(xp, J)", "return determinant(xp, J)"),
             ("S of redundant arms", "(found * found).sum()", "found.sum()"),
             ("manipulability", "product = product * entry", "product = product + entry"),
         )),

@@ -82,7 +82,8 @@ def test_the_way_out_and_the_angles_are_seen_whole(browser, size):
 
 @pytest.mark.slow
 def test_joint_names_are_told_apart(browser):
-    viewer, page = opened(browser, sa.load("vispa_cubesat"), width=1366, height=768)
+    arm = sa.mount("vispa", sa.Bus(20.0, size=(0.3, 0.3, 0.3)), name="vispa")
+    viewer, page = opened(browser, arm, width=1366, height=768)
     names = page.page.eval_on_selector_all(
         ".joint .name",
         "all => all.map((n) => [n.textContent, n.title, n.scrollWidth, n.clientWidth])",
