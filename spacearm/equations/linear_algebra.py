@@ -86,6 +86,8 @@ def _one_less(columns: tuple[int, ...]) -> list[tuple[int, ...]]:
 
 #: Rows of the largest determinant that is expanded: each one more doubles the work.
 EXPANDED = 6
+#: As good as zero, and its inverse is a number.
+TINY = 1e-290
 #: L U, the diagonal inverted, of a matrix whose rows were exchanged: (i, j, mask) in order.
 Factors = tuple[list[list[Any]], list[tuple[int, int, Any]]]
 
@@ -101,7 +103,7 @@ def factors(xp: Any, A: Any) -> Factors:
             rows[i] = [xp.where(mask, b, a) for a, b in pairs]
             rows[j] = [xp.where(mask, a, b) for a, b in pairs]
             swaps.append((i, j, mask))
-        rows[i][i] = 1.0 / rows[i][i]
+        rows[i][i] = 1.0 / xp.where(rows[i][i] == 0.0, TINY, rows[i][i])
         for j in range(i + 1, n):
             rows[j][i] = rows[j][i] * rows[i][i]
             for k in range(i + 1, n):
@@ -141,7 +143,6 @@ def determinant(xp: Any, A: Any) -> Any:
 #: Bound of the loop; convergence is cubic.
 MOST_SHIFTS = 60
 ROUNDING = 2.0**-52
-TINY = 1e-290
 
 
 class Reflection(NamedTuple):

@@ -152,3 +152,6 @@ def test_determinants_of_any_size_have_their_sign(n):
     assert determinant(numbers, A) == pytest.approx(wanted, rel=1e-9)
     assert determinant(numbers, A[::-1]) == pytest.approx(np.linalg.det(A[::-1]), rel=1e-9)
     assert determinant(symbols, symbols.asarray(A)) == pytest.approx(wanted, rel=1e-9)
+    A[:, n // 2] = 0.0  # a joint that moves nothing
+    assert determinant(numbers, A) == pytest.approx(0.0, abs=1e-280)
+    assert determinant(symbols, symbols.asarray(A)) == pytest.approx(0.0, abs=1e-280)
