@@ -1,7 +1,7 @@
 """Try to contradict proven distances and clearances of random arms.
 
     python tests/tools/attack_proofs.py 1000          # proofs
-    python tests/tools/attack_proofs.py 1000 --seed 7
+    python tests/tools/attack_proofs.py 1000 --seed 7 --workers 4
 
 Arms have 2 to 7 joints, as many as their task has rows or more; they are spatial or planar, turn or
 slide, on heavy and light spacecraft that float, hold their attitude or are fixed. Proven are
@@ -9,15 +9,19 @@ distances of postures, of postures within the joint limits, and clearances of pa
 attacked by descents on J* alone: from starts within what is proven free to where J* loses rank, and
 along the set towards the posture. A singular posture within it is a contradiction. One that is
 nearer to the border than a millionth counts by the least singular value of J* to 50 digits, of
-which the rest of the way follows.
+which the rest of the way follows. Each arm has a seed of its own, and arms count in the order of
+their seeds: the totals are the same for any number of workers. A contradiction ends with status 1.
 """
 
 from __future__ import annotations
 
 import argparse
+import multiprocessing
+import os
 import sys
 import time
-from collections import Counter
+from collections import Counter, deque
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,6 +36,7 @@ from helpers.arms import frame, joint, link, load_text, random_chain, random_lin
 import spacearm as sa
 from spacearm.mechanics.distance import linearise
 from spacearm.model.joints import joint_scales
+from spacearm.processes import ONE_THREAD
 
 SPATIAL = {2: ("x y",), 3: ("position", "x y"), 4: ("position",), 5: ("x y z rx ry", "position")}
 SPATIAL |= {6: ("pose",), 7: ("pose",)}
@@ -183,8 +188,11 @@ def attack(seed: int) -> Attacked:
         certain = away < proven * (1.0 - CLOSE) or away + left_over(arm, at, mode) < proven
         wrong, close = wrong + certain, close + (not certain)
         if certain:
-            print(f"\ncontradiction: seed {seed}, {kind}, {arm.task.names}, {mode}, proof {i}:")
-            print(f"path {path.tolist()}, at {at.tolist()}, {away!r} < {proven!r}")
+            print(
+                f"\ncontradiction: seed {seed}, {kind}, {arm.task.names}, {mode}, proof {i}: "
+                f"path {path.tolist()}, at {at.tolist()}, {away!r} < {proven!r}",
+                flush=True,
+            )
     return Attacked(kind, proofs, none, wrong, close)
 
 
@@ -193,19 +201,37 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("proofs", type=int, help="how many")
     parser.add_argument("--seed", type=int, default=0, help="of the first arm")
+    parser.add_argument(
+        "--workers",
+        type=int,
+        default=os.cpu_count(),
+        help="processes; all cores if left out",
+    )
     asked = parser.parse_args()
+    os.environ.update(ONE_THREAD)
     total, arms, kinds = np.zeros(4, dtype=int), 0, Counter[str]()
-    began = time.process_time()
-    while total[0] < asked.proofs:
-        result = attack(asked.seed + arms)
-        total, arms = total + result[1:], arms + 1
-        kinds[result.kind] += result.proofs
-        print(f"\r{total[0]:,} of {asked.proofs:,}", end="", file=sys.stderr)
+    began = time.monotonic()
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(asked.workers, spawn) as pool:
+        ahead = 4 * asked.workers  # arms of which the first is waited for
+        waiting = deque(pool.submit(attack, asked.seed + i) for i in range(ahead))
+        while total[0] < asked.proofs:
+            result, arms = waiting.popleft().result(), arms + 1
+            waiting.append(pool.submit(attack, asked.seed + ahead + arms - 1))
+            total += result[1:]
+            kinds[result.kind] += result.proofs
+            print(
+                f"\r{total[0]:,} of {asked.proofs:,} proofs, {arms:,} arms, {total[2]:,} "
+                f"contradictions, {time.monotonic() - began:,.0f} s",
+                end="",
+                file=sys.stderr,
+            )
+        pool.shutdown(wait=False, cancel_futures=True)
     proofs, none, wrong, close = total.tolist()
     print(
-        f"{proofs:,} proofs of {arms:,} arms, {wrong:,} contradictions; {close:,} singular "
+        f"\n{proofs:,} proofs of {arms:,} arms, {wrong:,} contradictions; {close:,} singular "
         f"postures at the border, not within; {none:,} questions without a proof; "
-        f"{time.process_time() - began:.0f} s"
+        f"{time.monotonic() - began:,.0f} s on {asked.workers:,} workers"
     )
     print("; ".join(f"{kind} {number:,}" for kind, number in sorted(kinds.items())))
     return int(wrong > 0)
