@@ -7,11 +7,12 @@ are those that meet nothing from time 0 on, and whose approach from there keeps 
 with it: joint splines, Pinocchio's momentum matrices and DOP853 for the spacecraft, and for the
 target Euler's equations.
 
-    python benchmarks/catching.py [targets of each arm] [arm ...]
+    python benchmarks/catching.py [targets of each arm] [arm ...] [--workers N]
 """
 
-import sys
+import argparse
 import time
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pinocchio as pin
@@ -149,40 +150,48 @@ def replayed(catch: sa.Catch) -> np.ndarray:
     return np.array([np.linalg.norm(part) for part in parts])
 
 
-def main(count: int, names: list[str]) -> None:
+def start_of(name: str) -> sa.Configuration:
+    """Return where an arm starts: from a posture that is named, or a regular one that is drawn."""
+    arm = random_arm(False, 7, 1).replace(base_mass=200.0) if name == "7R" else sa.load(name)
+    rng = np.random.default_rng(0)
+    q = STARTS.get(name)
+    while q is None:
+        x = rng.uniform(-1.0, 1.0, arm.n) * np.minimum(1.5, arm.upper)
+        far = sa.singularity(arm.at(x)).distance > 0.2
+        q = x if far and not sa.collision_check(still(arm.at(x))).contact else None
+    return arm.at(q)
+
+
+def caught(name: str, number: int) -> tuple[int, float, float, np.ndarray | None]:
+    """Draw a target with a known catch; return draws, times [s] and what the replay says of it."""
+    start, rng, drawn = start_of(name), np.random.default_rng(number), 1
+    while (target := known(start, rng)) is None:
+        drawn += 1
+    search = sa.Search(seed=number, timeout=TIMEOUT)
+    begun, used = time.perf_counter(), time.process_time()
+    try:
+        catch = sa.catch(start, target, window=WINDOW, search=search)
+    except sa.NoSolutionError as error:
+        told = "\n    ".join(f"{c.t:.4g}: {c.story[:180]}" for c in error.best)
+        print(f"  {name} {number}: known, not caught\n    {told}", flush=True)
+        return drawn, np.inf, np.inf, None
+    took, own, missed = time.perf_counter() - begun, time.process_time() - used, replayed(catch)
+    print(
+        f"  {name} {number}: {took:.1f} s ({own:.1f} s of a processor), contact at "
+        f"{catch.t:.1f} s, {np.degrees(catch.distance_proven):.1f} deg, {missed}",
+        flush=True,
+    )
+    return drawn, took, own, missed
+
+
+def main(count: int, workers: int, names: list[str]) -> None:
     """Print the figures of each arm."""
     for name in names:
-        arm = random_arm(False, 7, 1).replace(base_mass=200.0) if name == "7R" else sa.load(name)
-        rng = np.random.default_rng(0)
-        q = STARTS.get(name)
-        while q is None:
-            x = rng.uniform(-1.0, 1.0, arm.n) * np.minimum(1.5, arm.upper)
-            far = sa.singularity(arm.at(x)).distance > 0.2
-            q = x if far and not sa.collision_check(still(arm.at(x))).contact else None
-        start = arm.at(q)
-        took, missed, drawn = list[tuple[float, float]](), list[np.ndarray](), 0
-        for number in range(count):
-            target = None
-            while target is None:
-                drawn += 1
-                target = known(start, rng)
-            search = sa.Search(seed=number, timeout=TIMEOUT)
-            begun, used = time.perf_counter(), time.process_time()
-            try:
-                catch = sa.catch(start, target, window=WINDOW, search=search)
-            except sa.NoSolutionError as error:
-                told = "\n    ".join(f"{c.t:.4g}: {c.story[:180]}" for c in error.best)
-                print(f"  {name} {number}: known, not caught\n    {told}", flush=True)
-                took.append((np.inf, np.inf))
-                continue
-            took.append((time.perf_counter() - begun, time.process_time() - used))
-            missed.append(replayed(catch))
-            print(
-                f"  {name} {number}: {took[-1][0]:.1f} s ({took[-1][1]:.1f} s of a processor), "
-                f"contact at {catch.t:.1f} s, {np.degrees(catch.distance_proven):.1f} deg, "
-                f"{missed[-1]}",
-                flush=True,
-            )
+        with ProcessPoolExecutor(workers) as pool:
+            runs = list(pool.map(caught, [name] * count, range(count)))
+        took = [run[1:3] for run in runs]
+        missed = [run[3] for run in runs if run[3] is not None]
+        drawn = sum(run[0] for run in runs)
         (half, own), (most, all_own) = np.quantile(took, [0.5, 0.9], axis=0, method="higher")
         print(f"{name}: {len(missed)} of {count} with a known catch are caught, {drawn} drawn")
         print(f"  median {half:.3g} s ({own:.3g} s of a processor),", end=" ")
@@ -193,5 +202,9 @@ def main(count: int, names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    given = sys.argv[1:]
-    main(int(given[0]) if given else 100, given[1:] or ["chaser7", "servicer_ur5", "7R"])
+    asked = argparse.ArgumentParser(description=__doc__)
+    asked.add_argument("count", type=int, nargs="?", default=100, help="targets of each arm")
+    asked.add_argument("arms", nargs="*", default=["chaser7", "servicer_ur5", "7R"])
+    asked.add_argument("--workers", type=int, default=1, help="targets at a time")
+    given = asked.parse_args()
+    main(given.count, given.workers, given.arms)
