@@ -382,9 +382,10 @@ def saved_start(words: Sequence[str | float] | None) -> Table:
     return start
 
 
-def place_in(start: Table) -> pin.SE3:
-    """Return the pose that a table `start` gives the spacecraft: base = {xyz, rpy}."""
-    place = start.inner("base")
+def place_in(given: Table, key: str = "base") -> pin.SE3:
+    """Return the pose that a key of a table gives, {xyz, rpy}; the identity without the key."""
+    like = "{xyz = [...], rpy = [...]}"
+    place = Table(f"{given.where}: {key}", given.values.get(key, {}), like)
     place.knows("xyz", "rpy")
     return sa.pose(**place.values)
 

@@ -222,19 +222,12 @@ def target_of(path: Path) -> sa.Target:
             return path.parent / value
         return built(sa.Bus, given.inner("body"))
 
-    def placed(value: Any, where: str) -> Any:
-        own = Table(f"{given.where}: {where}", value)
-        own.knows("xyz", "rpy")
-        return sa.pose(**own.values)
+    def grapples(_: Any) -> dict[str, Any]:
+        frames = given.inner("grapples")
+        return {name: opt.place_in(frames, name) for name in frames.values}
 
     return built(
-        sa.Target,
-        given,
-        body=body,
-        pose=lambda value: placed(value, "pose"),
-        grapples=lambda value: {
-            name: placed(one, name) for name, one in Table(given.where, value).values.items()
-        },
+        sa.Target, given, body=body, pose=lambda _: opt.place_in(given, "pose"), grapples=grapples
     )
 
 

@@ -38,11 +38,11 @@ MOST_POINTS = 10**7
 
 
 class Table:
-    """One table of a file, which gives checked values."""
+    """One table of a file, which gives checked values; `like` says what it looks like."""
 
-    def __init__(self, where: str, values: object) -> None:
+    def __init__(self, where: str, values: object, like: str = "") -> None:
         if not isinstance(values, Mapping):
-            raise ConfigurationError(f"{where} is {values!r}; make it a table")
+            raise ConfigurationError(f"{where} is {values!r}; make it a table{like and ', '}{like}")
         self.where = where
         self.values = dict(values)
 
