@@ -25,7 +25,10 @@ def opened(path: Path) -> BinaryIO:
         OSError: It is a device or a pipe, or cannot be opened.
         ValueError: No file can have that name.
     """
-    mode = path.stat().st_mode
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        raise FileNotFoundError("no such file; check the path") from None
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
         raise OSError("a device or a pipe; save what it gives as a file")
     return path.open("rb")

@@ -153,9 +153,10 @@ class Designs(Described):
     def describe(self) -> Description:
         """Return a table of the designs that are done."""
         found, rows = self.found, []
-        near = [("near_share", "within 5° of a singular posture, to first order")] * (
-            "near_share" in found
-        )
+        near = [
+            ("near_share", "within 5° of a singular posture, to first order"),
+            ("near_error", "standard error"),
+        ] * ("near_share" in found)
         shares = [("fraction", "path independent"), *near]
         for at in np.ndindex(found["done"].shape):
             if found["done"].values[at]:
@@ -182,7 +183,7 @@ class Designs(Described):
             told["done"] = bool(found["done"].values[at])
             if told["done"]:
                 told[sizes] = {n: float(found[n].values[at]) for n in ("reachable", "piw")}
-                for name in {"fraction", "near_share"} & set(found):
+                for name in {"fraction", "near_share", "near_error"} & set(found):
                     told[name] = float(found[name].values[at])
                 pdw = found["pdw"].values[at]
                 told["pdw"] = pdw[np.isfinite(pdw).all(axis=1)].tolist()

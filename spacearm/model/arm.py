@@ -414,11 +414,11 @@ class SpaceArm(JointSpace, Described):
             "system CM at q = 0, spacecraft frame": Measure(self.at(np.zeros(self.n)).com, "m"),
         }
         lumps = [
-            (name, body.mass, body.lever, np.linalg.eigvalsh(body.inertia))
-            for name, body in self.bodies.items()
+            (name, body.mass, body.lever, np.linalg.eigvalsh(body.inertia), self._length(link))
+            for link, (name, body) in zip(self.tree.lumps, self.bodies.items(), strict=True)
         ]
         columns = ("body", Column("mass", "kg", ".6g"), Column("CM in its frame", "m"),
-                   Column("principal moments", "kg m²"))  # fmt: skip
+                   Column("principal moments", "kg m²"), Column("length", "m", ".6g"))  # fmt: skip
         tables = [
             Table.facts(facts),
             Table(columns, lumps, "Bodies"),
@@ -435,10 +435,17 @@ class SpaceArm(JointSpace, Described):
             tables.append(Table(("joint", "type", "moves", "at"), rows, title))
         return Description(
             title=self.name,
-            verdict=f"{self.n} joints, {self.mass:.6g} kg",
+            verdict=f"{self.n} joint{'s' * (self.n > 1)}, {self.mass:.6g} kg",
             notes=[f"note: {note}" for note in self.notes],
             tables=tables,
         )
+
+    def _length(self, link: str) -> float | None:
+        """Return the length of a link [m], from its joint to the next; None where there is none."""
+        try:
+            return self.tree.length(link, self.tips)
+        except ModelError:
+            return None
 
     def __getstate__(self) -> dict[str, object]:
         return self.__dict__ | {"_spare": [], "held": dict(self.held)}
@@ -447,7 +454,7 @@ class SpaceArm(JointSpace, Described):
         name, tips = self.label, listed(list(map(repr, self.tips)))
         held = f", held {listed(self.held)}" if self.held else ""
         return (
-            f"SpaceArm({name}: {self.n} joints, {self.mass:g} kg, tip {tips}, "
+            f"SpaceArm({name}: {self.n} joint{'s' * (self.n > 1)}, {self.mass:g} kg, tip {tips}, "
             f"task {self.task.names!r}{held})"
         )
 

@@ -220,6 +220,8 @@ def recorded(path: Path, topic: str) -> Iterator[Any]:
         try:
             with path.open(encoding="utf-8") as file:
                 yield from file
+        except FileNotFoundError:
+            raise ConfigurationError(f"{path} cannot be read: no such file") from None
         except (OSError, UnicodeDecodeError) as error:
             raise ConfigurationError(f"{path} cannot be read: {error}") from None
         return

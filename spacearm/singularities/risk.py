@@ -65,6 +65,11 @@ class RiskProfile(Result):
         """Share of the configurations of all classes near a singularity."""
         return float(np.nansum(self.count * self.share) / self.count.sum())
 
+    @property
+    def overall_error(self) -> float:
+        """Standard error of `overall`."""
+        return float(np.sqrt(self.overall * (1.0 - self.overall) / self.count.sum()))
+
     def describe(self) -> Description:
         """Describe the share of each distance class."""
         verdict = "no configuration in any class"

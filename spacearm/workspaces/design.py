@@ -166,8 +166,8 @@ def workspaces(
         Labelled arrays over the parameters: `piw` and `reachable` (volumes [m^3], areas [m^2] for
         planar arms), `fraction` (path independent share), `pdw` (shell, bound: radii [m], NaN where
         there are fewer shells), `done`; with `risk_bins` also `risk` (class) and `near_share`
-        (share of all postures within 5 degrees of a singular one, to first order). After Ctrl-C the
-        designs done so far are returned; `done` marks them.
+        (share of all postures within 5 degrees of a singular one, to first order) with its standard
+        error, `near_error`. After Ctrl-C the designs done so far are returned; `done` marks them.
 
     Raises:
         ConfigurationError: A parameter does not exist or has no values.
@@ -199,7 +199,7 @@ def workspaces(
     shape = tuple(len(values) for values in axes.values())
     numbers = {name: np.full(shape, np.nan) for name in ("piw", "reachable", "fraction")}
     done = np.zeros(shape, dtype=bool)
-    risk, near = np.full((*shape, risk_bins), np.nan), np.full(shape, np.nan)
+    risk, near = np.full((*shape, risk_bins), np.nan), np.full((*shape, 2), np.nan)
     radii: dict[tuple[int, ...], np.ndarray] = {}
     options = {} if effort is None else {"effort": effort}
     designs = list(product(*map(range, shape)))
@@ -214,7 +214,8 @@ def workspaces(
                 numbers[name][at] = value
             if risk_bins:
                 profile = risk_profile(varied, limits=limits, bins=risk_bins)
-                risk[at], near[at] = profile.share, profile.overall
+                risk[at] = profile.share
+                near[at] = profile.overall, profile.overall_error
             done[at] = True
             if progress:
                 progress(count, len(designs))
@@ -231,7 +232,8 @@ def workspaces(
     data["pdw"] = (*names, "shell", "bound"), pdw, {"units": "m"}
     if risk_bins:
         data["risk"] = (*names, "class"), risk
-        data["near_share"] = names, near, {"units": "1"}
+        data["near_share"] = names, near[..., 0], {"units": "1"}
+        data["near_error"] = names, near[..., 1], {"units": "1"}
     coords: dict[str, Any] = {"bound": ["least", "largest"]}
     for name, x in axes.items():
         coords[name] = name, x, {"units": unit_of(name)}

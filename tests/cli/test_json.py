@@ -183,3 +183,4 @@ def test_a_map_that_is_read_in_another_program(folder):
         np.testing.assert_allclose(design[name], whole[name], atol=1e-9)
     assert design["areas"]["piw"] == pytest.approx(whole["areas"]["piw"])
     assert 0.0 < design["near_share"] < 1.0  # tells designs apart whose fractions are all 0
+    assert 0.0 < design["near_error"] < 0.01

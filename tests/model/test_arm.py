@@ -331,3 +331,9 @@ def test_an_arm_is_plain_data():
     ]
     assert data["cm_at_zero"] == arm.at([0, 0]).com.tolist()
     assert sa.load("dual_ur5", tip=("left", "right")).to_dict()["tip_link"] == ["left", "right"]
+
+
+def test_lengths_that_are_described_are_those_that_replace_takes():
+    arm = sa.load("planar2")
+    longer = arm.replace(link_length={"link_1": 1.7}).describe().tables[1]
+    assert [row[-1] for row in longer.rows] == [None, pytest.approx(1.7), pytest.approx(1.0)]

@@ -121,6 +121,9 @@ def test_a_sweep_equals_its_points():
     assert result["risk"].sizes["class"] == 4
     one = sa.risk_profile(vary(ARM, {"base_inertia": 5, "mount_x": 0.3}), bins=9)
     assert float(result["near_share"].sel(base_inertia=5, mount_x=0.3)) == one.overall
+    told = float(result["near_error"].sel(base_inertia=5, mount_x=0.3))
+    whole = sa.risk_profile(vary(ARM, {"base_inertia": 5, "mount_x": 0.3}), bins=1)
+    assert told == pytest.approx(one.overall_error) == pytest.approx(whole.error[0])
     assert (result["fraction"].sel(mount_x=0.0) > 0.999).all()  # r_0 = 0
     assert (result["fraction"].diff("base_inertia") >= -1e-9).all()
 
