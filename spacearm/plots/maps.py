@@ -376,9 +376,8 @@ def draw_connection(result: Connection, axes: Any) -> None:
     scale = np.where(result.arm.slides, 1.0, 180.0 / np.pi)
     if len(result.path):
         way = np.append(0.0, np.linalg.norm(np.diff(result.path, axis=0), axis=1).cumsum())
-        for j, name in enumerate(result.arm.joint_names):
-            color = style.COLOURS[j % len(style.COLOURS)]
-            axes.plot(way, scale[j] * result.path[:, j], "o-", color=color, label=name)
+        path = scale * result.path
+        style.draw_curves(axes, way, path, result.arm.joint_names, marker="o")
         axes.legend(frameon=False)
     axes.set(xlabel="length of the joint path [rad] or [m]", ylabel="joint position [°] or [m]")
     style.entitle(axes, f"{result.arm.name}, connected without singularity: {result.answer}")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.patches import Wedge
 
-from spacearm.errors import ConfigurationError
+from spacearm.arrays import Array
 from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.mission.budget import MomentumBudget
 from spacearm.mission.catch_report import Catch
@@ -15,8 +15,6 @@ from spacearm.mission.dispersions import MISSES, CatchRuns
 from spacearm.mission.level import LevelEnvelope, LevelReach
 from spacearm.mission.reactions import PERCENTILES, Reaction, WheelSizing
 from spacearm.plots import style
-
-AXES = (("x", style.BLUE), ("y", style.ORANGE), ("z", style.GREEN))
 
 
 @style.draws(FeasibleAttitudes)
@@ -32,7 +30,7 @@ def draw_attitudes(result: FeasibleAttitudes, ax: Any) -> Any:
     """
     if result.intervals is not None:
         axes = style.axes_for(ax, 6.4, 6.0)
-        _draw_ring(axes, result)
+        _draw_ring(axes, result, result.intervals)
     else:
         axes = style.axes_for(ax, 8.4, 5.0)
         _draw_directions(axes, result)
@@ -50,26 +48,24 @@ def draw_catch(result: Catch, panels: Any) -> None:
     gap, clear, rates = panels
     way, target, brake = result.approach, result.target, result.brake
     tips = np.array([[tip.translation for tip in cfg.tips] for cfg in way])
-    for i, (tip, frame) in enumerate(result.frames.items()):
-        places = [target.at(float(t), frame).pose.translation for t in way.t]
-        off = np.linalg.norm(tips[:, i] - places, axis=1)
-        gap.plot(way.t, off, color=style.COLOURS[i], label=tip)
+    frames = [[target.at(t, frame).pose.translation for frame in result.frames.values()]
+              for t in way.t.tolist()]  # fmt: skip
+    style.draw_curves(gap, way.t, np.linalg.norm(tips - frames, axis=2), tuple(result.frames))
     if len(result.frames) > 1:
-        gap.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+        style.legend_beside(gap)
     gap.set(ylabel="tip to grapple\nframe [m]", ylim=(0.0, None))
     clear.plot(way.t, np.degrees(way.distance), color=style.GREEN, label="found")
     if result.distance_proven:
         clear.axhline(np.degrees(result.distance_proven), color=style.GREY, ls=":", label="proven")
     clear.set(ylabel="to the nearest singular\nposture [°]", ylim=(0.0, None))
-    clear.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    style.legend_beside(clear)
     begin, standing = result.begin, result.begin + result.plan.t[-1]
     t = np.concatenate(
         (result.begin + result.plan.t, standing + result.chase.t, result.t + brake.t)
     )
     all_rates = np.degrees(np.concatenate((result.plan.dq, result.chase.dq, brake.dq)))
-    for j, name in enumerate(way.arm.joint_names):
-        rates.plot(t, all_rates[:, j], color=style.COLOURS[j % len(style.COLOURS)], label=name)
-    rates.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    style.draw_curves(rates, t, all_rates, way.arm.joint_names)
+    style.legend_beside(rates)
     slides = "°/s, m/s" if way.arm.slides.any() else "°/s"
     rates.set(xlabel="time [s]", ylabel=f"joint rates [{slides}]")
     for panel in panels:
@@ -97,7 +93,7 @@ def draw_catch_runs(result: CatchRuns, axes: Any) -> None:
         axes.plot(off, shares, color=color, label=word)
     axes.axvline(1.0, color=style.GREY, ls="--", label="envelope")
     axes.set(xlabel="at contact, over the envelope", ylabel="runs [%]", xlim=(0.0, None))
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    style.legend_beside(axes)
     style.entitle(axes, f"{result.catch.arm.name}: {result.share:.1%} of {len(shares)} runs caught")
 
 
@@ -110,12 +106,11 @@ def draw_reaction(result: Reaction, panels: Any) -> None:
         panels: Where it is drawn.
     """
     turns, wheels, torque, camera = panels
-    for i, (name, color) in enumerate(AXES):
-        turns.plot(result.t, np.degrees(result.excursion[:, i]), color=color, label=name)
-        wheels.plot(result.t, result.wheels[:, i], color=color)
-        torque.plot(result.t, result.torque[:, i], color=color)
+    turned = np.degrees(result.excursion)
+    for axes, along in ((turns, turned), (wheels, result.wheels), (torque, result.torque)):
+        style.draw_curves(axes, result.t, along, "xyz")
     turns.plot(result.t, np.degrees(result.angle), color=style.GREY, ls="--", label="angle")
-    turns.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    style.legend_beside(turns)
     camera.plot(result.t, np.degrees(result.smear), color=style.RED)
     turns.set_ylabel("turn, floating [°]")
     wheels.set_ylabel("wheels, held [N m s]")
@@ -139,8 +134,8 @@ def draw_wheel_sizing(result: WheelSizing, axes: Any) -> None:
     """
     share = 100.0 * (np.arange(len(result.momentum)) + 1.0) / len(result.momentum)
     axes.plot(np.sort(result.momentum), share, color=style.GREY, lw=2, label="about any axis")
-    for i, (name, color) in enumerate(AXES):
-        axes.plot(np.sort(result.axes[:, i]), share, color=color, label=f"about {name}")
+    for name, along, color in zip("xyz", result.axes.T, style.COLOURS, strict=False):
+        axes.plot(np.sort(along), share, color=color, label=f"about {name}")
     axes.axvline(np.percentile(result.momentum, PERCENTILES[-2]), color=style.RED, lw=1, ls=":")
     axes.set(xlabel="momentum of the wheels [N m s]", ylabel=f"{result.cases} covered [%]")
     axes.set_ylim(0.0, 101.0)
@@ -149,11 +144,9 @@ def draw_wheel_sizing(result: WheelSizing, axes: Any) -> None:
     style.entitle(axes, f"{result.arm.name}{speed}: 99 % below the dotted line")
 
 
-def _draw_ring(axes: Any, result: FeasibleAttitudes) -> None:
-    if result.intervals is None:
-        raise ConfigurationError("these attitudes are no ring")
+def _draw_ring(axes: Any, result: FeasibleAttitudes, intervals: Array) -> None:
     axes.add_patch(Wedge((0, 0), 1.0, 0, 360, width=0.22, facecolor="#e8ebee", edgecolor="none"))
-    for low, high in np.degrees(result.intervals):
+    for low, high in np.degrees(intervals):
         axes.add_patch(Wedge((0, 0), 1.0, low, high, width=0.22, facecolor=style.GREEN))
         if high - low < 359.9:
             for end in np.radians((low, high)):
@@ -284,10 +277,8 @@ def draw_budget(result: MomentumBudget, panels: Any) -> None:
             f"spacecraft at rest for {result.carries:.4g} s: {result.carrying_ended}",
         ),
     ):
-        for j, name in enumerate(run.arm.joint_names):
-            color = style.COLOURS[j % len(style.COLOURS)]
-            axes.plot(run.t, run.q[:, j], color=color, label=name)
+        style.draw_curves(axes, run.t, run.q, run.arm.joint_names)
         axes.set(xlabel="time [s]")
         style.entitle(axes, title, fontsize=11)
     panels[0].set_ylabel("joints [rad] or [m]")
-    panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    style.legend_beside(panels[1])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -97,10 +98,7 @@ def draw_flight(flight: Flight, panels: Any) -> None:
     rates, nearness, turning, wheels, tip = panels
     t, arm, begins = flight.t, flight.arm, flight.begins
     scale = np.where(arm.slides, 1.0, 180.0 / np.pi)
-    for i, name in enumerate(short_names(arm.joint_names)):
-        rates.plot(
-            t, flight.dq[:, i] * scale[i], color=style.COLOURS[i % len(style.COLOURS)], label=name
-        )
+    style.draw_curves(rates, t, flight.dq * scale, short_names(arm.joint_names))
     rates.set_ylabel(f"joint rates\n[{'deg/s, m/s' if arm.slides.any() else 'deg/s'}]")
     nearness.plot(t, np.minimum(np.degrees(flight.distance), FAR), color=style.RED)
     nearness.set(ylabel="to a singular\nposture found [deg]", ylim=(0.0, None))
@@ -162,14 +160,8 @@ def _draw_path(
         axes.grid(alpha=0.3)
         if workspace is not None:
             _draw_shells(axes, np.delete(motion[0].com @ along, normal), workspace)
-    for i, (name, x) in enumerate(paths.items()):
-        axes.plot(
-            *x.T,
-            color=style.COLOURS[i % len(style.COLOURS)],
-            lw=2,
-            label=name,
-            zorder=style.IN_FRONT,
-        )
+    for (name, x), color in zip(paths.items(), cycle(style.COLOURS), strict=False):
+        axes.plot(*x.T, color=color, lw=2, label=name, zorder=style.IN_FRONT)
     starts, ends = (np.array([x[row] for x in paths.values()]) for row in (0, -1))
     marks: list[tuple[str, Array, str, str]] = [
         ("start", starts, "o", style.BLUE),
@@ -235,8 +227,7 @@ def _draw_attitude(axes: Any, motion: Motion) -> None:
     turns = np.degrees([pin.log3(R) for R in rotations])
     normal = motion.arm.tree.plane_normal()
     if normal is None:
-        for i, color in enumerate((style.BLUE, style.ORANGE, style.GREEN)):
-            axes.plot(motion.t, turns[:, i], color=color, lw=1.8, label="xyz"[i])
+        style.draw_curves(axes, motion.t, turns, "xyz", lw=1.8)
         _legend(axes)
         axes.set_ylabel("rotation\nvector [deg]")
     else:
@@ -247,10 +238,7 @@ def _draw_attitude(axes: Any, motion: Motion) -> None:
 def _draw_joints(axes: Any, motion: Motion) -> None:
     arm = motion.arm
     q = motion.q * np.where(arm.slides, 100.0, 180.0 / np.pi)
-    for i, name in enumerate(short_names(arm.joint_names)):
-        axes.plot(
-            motion.t, q[:, i], color=style.COLOURS[i % len(style.COLOURS)], lw=1.5, label=name
-        )
+    style.draw_curves(axes, motion.t, q, short_names(arm.joint_names), lw=1.5)
     _legend(axes)
     unit = "cm" if arm.slides.all() else "deg" if not arm.slides.any() else "deg, cm"
     axes.set_ylabel(f"joints\n[{unit}]")
@@ -258,10 +246,7 @@ def _draw_joints(axes: Any, motion: Motion) -> None:
 
 def _draw_wheels(axes: Any, motion: Motion, held: Array) -> None:
     names = tuple(wheel.name for wheel in motion.arm.wheels)
-    for i, name in enumerate(short_names(names)):
-        axes.plot(
-            motion.t, held[:, i], color=style.COLOURS[i % len(style.COLOURS)], lw=1.5, label=name
-        )
+    style.draw_curves(axes, motion.t, held, short_names(names), lw=1.5)
     axes.set_ylabel("wheels\n[N m s]")
     if names:
         _legend(axes)
@@ -271,9 +256,7 @@ def _draw_wheels(axes: Any, motion: Motion, held: Array) -> None:
 
 def _legend(axes: Any) -> None:
     """Name the curves to the right of the axes."""
-    axes.legend(
-        loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, handlelength=1.2, frameon=False
-    )
+    style.legend_beside(axes, fontsize=8, handlelength=1.2)
 
 
 OPACITY = 0.35

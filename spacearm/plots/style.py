@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
+from itertools import cycle
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -184,6 +185,17 @@ def headline(whole: Any, panels: Sequence[Any], text: str) -> None:
     else:
         width = whole.bbox.width / whole.get_figure(root=True).dpi
         whole.suptitle(_folded(text, width, mpl.rcParams["axes.titlesize"]), x=0.02, ha="left")
+
+
+def draw_curves(axes: Any, x: Array, columns: Array, names: Sequence[str], **look: Any) -> None:
+    """Draw each column of (m, k) values over x (m,) in a colour of its own, named in the legend."""
+    for column, name, color in zip(columns.T, names, cycle(COLOURS), strict=False):
+        axes.plot(x, column, color=color, label=name, **look)
+
+
+def legend_beside(axes: Any, **look: Any) -> None:
+    """Name the curves to the right of the axes."""
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, **look)
 
 
 def equal_axes(axes: Any, names: str = "xyz") -> None:

@@ -251,5 +251,5 @@ def draw_identified(result: Identified, axes: Any) -> None:
     axes.axhline(0.0, color=style.GREY, lw=0.8, zorder=0)
     axes.set_xticks(range(len(NAMES)), NAMES)
     axes.set(ylabel="over powers of mass and\nradius of gyration about the tip")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    style.legend_beside(axes)
     style.entitle(axes, f"held by {result.arm.name}: {result.mass:.4g} kg")
