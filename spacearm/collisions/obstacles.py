@@ -6,7 +6,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
 from numbers import Real
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeAlias
@@ -18,7 +17,7 @@ import pinocchio as pin
 from spacearm.arrays import LARGEST, Array, ArrayLike, finite, plain, positive, read_only, shape_of
 from spacearm.collisions.bodies import Bodies, Body, extent
 from spacearm.collisions.solids import hull, link_solids, primitive
-from spacearm.collisions.swept_motion import helix
+from spacearm.collisions.swept_motion import Recorded
 from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere, Visuals, read_mesh
 from spacearm.errors import ConfigurationError, ModelError, require_known, type_of
 from spacearm.mechanics.target import Target
@@ -32,34 +31,17 @@ ORIGIN = pin.SE3.Identity()
 OPTIONS = ("name", "margin", "may_touch", "twist", "along")
 
 
-class Part(NamedTuple):
-    """A solid of an obstacle, carried by a frame of its motion.
-
-    Attributes:
-        link: The link of a robot that it belongs to.
-        solid: The solid of coal.
-        pose: Its pose in the frame.
-        frame: Number of the frame.
-        reach: Reach of the joints that carry it (see `Body`), by their number in the model.
-        far: Length that no point of it is farther than from the origin of frame 0 [m].
-    """
-
-    link: str
-    solid: coal.CollisionGeometry
-    pose: pin.SE3
-    frame: int
-    reach: dict[int, float]
-    far: float
-
-
 class ObstacleMotion(Protocol):
-    """What moves the frames of an obstacle, and how far it can move a point at most."""
+    """What moves the frames of an obstacle, and how far it can move a point at most.
+
+    Its solids are bodies on these frames, numbered as the joints of a robot are.
+    """
 
     def frames(self, t: float, /) -> Sequence[pin.SE3]:
         """Return the poses of the frames at a time [s]."""
 
-    def moved(self, part: Part | Body, t0: float, t1: float, /) -> float:
-        """Return how far a point of a part moves between two times at most [m]."""
+    def moved(self, body: Body, t0: float, t1: float, /) -> float:
+        """Return how far a point of a body moves between two times at most [m]."""
 
 
 class Still(NamedTuple):
@@ -75,7 +57,7 @@ class Still(NamedTuple):
         """Return the poses."""
         return self.at
 
-    def moved(self, _part: Part | Body, _t0: float, _t1: float, /) -> float:
+    def moved(self, _body: Body, _t0: float, _t1: float, /) -> float:
         """Return 0."""
         return 0.0
 
@@ -98,10 +80,10 @@ class Drifting(NamedTuple):
         v, w, t = self.twist[:3], self.twist[3:], self.begin + t
         return (pin.SE3(pin.exp3(t * w) @ self.pose.rotation, self.pose.translation + t * v),)
 
-    def moved(self, part: Part | Body, t0: float, t1: float) -> float:
+    def moved(self, body: Body, t0: float, t1: float) -> float:
         """Return the way of the origin and of the turn about it."""
         v, w = np.linalg.norm(self.twist[:3]), np.linalg.norm(self.twist[3:])
-        return float(v + part.far * w) * abs(t1 - t0)
+        return float(v + body.far * w) * abs(t1 - t0)
 
 
 @dataclass(frozen=True)
@@ -120,9 +102,9 @@ class Tumbling:
         """Return its pose at a time."""
         return (self.target.at(self.begin + t).pose,)
 
-    def moved(self, part: Part | Body, t0: float, t1: float) -> float:
+    def moved(self, body: Body, t0: float, t1: float) -> float:
         """Return the way by its drift and its turn."""
-        return self.target.moved(part.far, self.begin + t0, self.begin + t1)
+        return self.target.moved(body.far, self.begin + t0, self.begin + t1)
 
 
 @dataclass(frozen=True)
@@ -141,24 +123,15 @@ class Moving:
         """Return the poses of the joint frames at a time."""
         return joint_frames(self.motion.at(self.begin + t))
 
-    def moved(self, part: Part | Body, t0: float, t1: float) -> float:
+    def moved(self, body: Body, t0: float, t1: float) -> float:
         """Return the way by the spacecraft's motion and by that of the joints."""
-        origin, turn, joints = self._travel
-        way = origin + part.far * turn
-        for joint, length in part.reach.items():
-            way = way + length * joints[:, joint - 2]
+        way = np.append(0.0, self._recorded.way(body).cumsum())
         ends = np.interp((self.begin + t0, self.begin + t1), self.motion.t, way)
         return float(abs(ends[1] - ends[0]))
 
     @cached_property
-    def _travel(self) -> tuple[Array, Array, Array]:
-        """The ways up to each sample: of the spacecraft's origin (m,), turn (m,), joints (m, N)."""
-        poses = [cfg.base for cfg in self.motion]
-        steps = np.array([helix(a, b) for a, b in pairwise(poses)]).reshape(-1, 2)
-        full = np.array([self.motion.arm.all_joints(q) for q in self.motion.q])
-        origin, turn = np.vstack((np.zeros(2), steps.cumsum(axis=0))).T
-        rates = np.abs(np.diff(full, axis=0)).cumsum(axis=0)
-        return origin, turn, np.vstack((np.zeros(full.shape[1]), rates))
+    def _recorded(self) -> Recorded:
+        return Recorded(self.motion)
 
 
 def joint_frames(cfg: Configuration) -> list[pin.SE3]:
@@ -341,36 +314,21 @@ class Obstacle:
         return bool(self.along or self.target or self.twist.any())
 
     @cached_property
-    def parts(self) -> tuple[Part, ...]:
-        """Its solids."""
-        if self.kind == "robot":
-            bodies = Bodies(self._robot).all
-            slides = {j for body in bodies for one in body.slides.values() for j in one}
-            longest = self._longest(slides)
-            return tuple(
-                Part(
-                    body.link,
-                    body.shape,
-                    body.pose,
-                    body.joint,
-                    {j: r + longest * bool(body.slides[j]) for j, r in body.reach.items()},
-                    body.far + longest,
-                )
-                for body in bodies
-            )
+    def parts(self) -> tuple[Body, ...]:
+        """Its solids, on the frames of its motion."""
+        robot = self.along or self.posture
+        if robot and self.kind == "robot":
+            return tuple(Bodies(robot.arm).all)
         if self.target is not None:
             return tuple(
-                Part(link, solid, at, 0, {}, extent(at, solid))
+                _carried(link, solid, frame * pose)
                 for link, frame in self.target.tree.frames.items()
                 for solid, pose in link_solids(
                     self.name, link, self.target.tree.visuals.get(link, Visuals())
                 )
-                for at in (frame * pose,)
             )
         frame = 0 if self.along is None else 1
-        return tuple(
-            Part("", solid, pose, frame, {}, extent(pose, solid)) for solid, pose in self._solids()
-        )
+        return tuple(_carried("", solid, pose, frame) for solid, pose in self._solids())
 
     @cached_property
     def motion(self) -> ObstacleMotion:
@@ -388,7 +346,7 @@ class Obstacle:
     def poses(self, t: float) -> list[pin.SE3]:
         """Return the poses of its parts at a time [s], in the inertial frame."""
         frames = self.motion.frames(t)
-        return [frames[part.frame] * part.pose for part in self.parts]
+        return [frames[body.joint] * body.pose for body in self.parts]
 
     def _solids(self) -> list[tuple[coal.CollisionGeometry, pin.SE3]]:
         """Return the solid of its shape, in the frame that carries it."""
@@ -400,19 +358,6 @@ class Obstacle:
             points = read_mesh(geometry.file).vertices * geometry.scale
             return [(hull(geometry.name, points), at)]
         return [(solid, at * pose) for solid, pose in primitive(self.shape)]
-
-    @property
-    def _robot(self) -> SpaceArm:
-        """The robot that it is."""
-        return next(thing.arm for thing in (self.along, self.posture) if thing is not None)
-
-    def _longest(self, slides: set[int]) -> float:
-        """Return the sum of the largest displacements of sliding joints, by number [m]."""
-        if not slides:
-            return 0.0
-        rows = [self.posture.q] if self.posture is not None else getattr(self.along, "q", ())
-        full = np.abs([self._robot.all_joints(q) for q in rows]).max(axis=0)
-        return float(sum(full[j] for j in slides))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the obstacle as plain data; the motion that it follows as its duration [s]."""
@@ -434,6 +379,11 @@ class Obstacle:
         moving = ", moving" if self.moves else ""
         kept = f", margin {self.margin:g} m" if self.margin else ""
         return f"Obstacle({self.name}: {self.kind}{moving}{kept})"
+
+
+def _carried(link: str, solid: coal.CollisionGeometry, pose: pin.SE3, frame: int = 0) -> Body:
+    """Return a solid at a pose in a frame, which no joint moves."""
+    return Body(link, frame, pose, solid, {}, {}, extent(pose, solid))
 
 
 #: What must not be met: an obstacle, a target, or the posture or motion of another robot.

@@ -103,7 +103,7 @@ class Collisions:
         self._own = len(apart)
         self._pairs = [*apart, *against]
         solids = [(body.joint, body.pose, body.shape) for body in self.bodies]
-        solids += [(0, pin.SE3.Identity(), part.solid) for _, part in self._parts]
+        solids += [(0, pin.SE3.Identity(), part.shape) for _, part in self._parts]
         self._geometry = Geometry(arm, solids, self._pairs)
         margins = [self._parts[b - first][0].margin for _, b in against]
         self._margins = np.append(np.zeros(self._own), margins)

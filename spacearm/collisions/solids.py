@@ -17,6 +17,7 @@ from spacearm.arrays import LARGEST, Array
 from spacearm.description.shapes import (
     Box,
     Cylinder,
+    Geometry,
     Mesh,
     Shape,
     Sphere,
@@ -30,8 +31,6 @@ from spacearm.errors import ModelError
 FLAT = 1e-9
 #: Thickness given to the box around a flat visual, as a share of its length.
 THIN = 1e-3
-#: Corners of a circle, where round solids are drawn.
-ROUND = 24
 PRIMITIVES = {Box: coal.Box, Sphere: coal.Sphere, Cylinder: coal.Cylinder}
 WITHOUT = "correct that, or plan with collisions=False to do without"
 
@@ -142,21 +141,14 @@ def hull(name: str, points: Array) -> coal.Convex:
 
 def corners(solid: coal.CollisionGeometry) -> Array:
     """Return points (k, 3) whose convex hull is a solid, of round ones a polyhedron within it."""
-    ring = 2.0 * np.pi * np.arange(ROUND) / ROUND
-    circle = np.column_stack((np.cos(ring), np.sin(ring)))
+    geometry: Geometry
     match solid:
         case coal.Box():
-            signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-            return signs * np.asarray(solid.halfSide)
+            geometry = Box(tuple(2.0 * np.asarray(solid.halfSide)))
         case coal.Sphere():
-            heights = np.linspace(-0.5, 0.5, ROUND // 2 + 1) * np.pi
-            rings = [
-                np.column_stack((np.cos(h) * circle, np.full(ROUND, np.sin(h)))) for h in heights
-            ]
-            return float(solid.radius) * np.unique(np.vstack(rings).round(12), axis=0)
+            geometry = Sphere(float(solid.radius))
         case coal.Cylinder():
-            disc = float(solid.radius) * circle
-            ends = (-float(solid.halfLength), float(solid.halfLength))
-            return np.vstack([np.insert(disc, 2, z, axis=1) for z in ends])
+            geometry = Cylinder(float(solid.radius), 2.0 * float(solid.halfLength))
         case _:
             return np.array([solid.point(i) for i in range(solid.num_points)])
+    return Shape(pin.SE3.Identity(), geometry).points()

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -69,7 +70,7 @@ class SweptMotion(ABC):
     @property
     def out(self) -> Array:
         """(N,) largest displacements of the model's joints [rad] or [m]."""
-        return np.abs([self.arm.all_joints(q) for q in self.path]).max(axis=0)
+        return np.abs([self.arm.all_joints(q) for q in self.hull]).max(axis=0)
 
     @abstractmethod
     def base(self, u: float, /) -> pin.SE3:
@@ -161,7 +162,7 @@ class Flown(Curved):
         The system turns by it as a rigid body about its CM, which is no farther than the farthest
         CM of a body; no inertia is less than that of the spacecraft alone.
         """
-        arm, out = self.arm, np.abs([self.arm.all_joints(q) for q in self.hull]).max(axis=0)
+        arm, out = self.arm, self.out
         ways = inertial_speeds(arm, bodies, out) @ self.steps.T
         if not self._momentum and not self._speed:
             return ways
@@ -194,8 +195,7 @@ class Floating(SweptMotion):
 
     def swept(self, bodies: Sequence[Body]) -> Array:
         """Return the ways by `inertial_speeds`."""
-        steps = np.abs(np.diff(self.path, axis=0))
-        return inertial_speeds(self.arm, bodies, self.out) @ steps.T
+        return inertial_speeds(self.arm, bodies, self.out) @ self.steps.T
 
 
 class Recorded(SweptMotion):
@@ -211,18 +211,23 @@ class Recorded(SweptMotion):
 
     def swept(self, bodies: Sequence[Body]) -> Array:
         """Return the ways of the spacecraft's frame, of its turn and of the joints, in sum."""
-        arm, out = self.arm, self.out
+        return np.array([self.way(body) for body in bodies]).reshape(len(bodies), len(self) - 1)
+
+    def way(self, body: Body) -> Array:
+        """Return how far a body moves between rows at most (m - 1,) [m]."""
+        origin, turn, joints, out = self._parts
+        way = origin + (body.far + sum(out[j] for j in _sliding(self.arm, body))) * turn
+        for joint, reach in body.reach.items():
+            way = way + (reach + out[body.slides[joint]].sum()) * joints[:, joint - 2]
+        return np.asarray(way)
+
+    @cached_property
+    def _parts(self) -> tuple[Array, Array, Array, Array]:
+        """How far frame and turn of the spacecraft (m - 1,) and joints (m - 1, N) go; `out`."""
         poses = [cfg.base for cfg in self.motion]
         origin, turn = np.array([helix(a, b) for a, b in pairwise(poses)]).reshape(-1, 2).T
-        full = np.array([arm.all_joints(q) for q in self.path])
-        steps = np.abs(np.diff(full, axis=0))
-        ways = []
-        for body in bodies:
-            way = origin + (body.far + sum(out[j] for j in _sliding(arm, body))) * turn
-            for joint, reach in body.reach.items():
-                way = way + (reach + out[body.slides[joint]].sum()) * steps[:, joint - 2]
-            ways.append(way)
-        return np.array(ways).reshape(len(bodies), len(self) - 1)
+        full = np.array([self.arm.all_joints(q) for q in self.path])
+        return origin, turn, np.abs(np.diff(full, axis=0)), self.out
 
 
 def _sliding(arm: SpaceArm, body: Body) -> set[int]:

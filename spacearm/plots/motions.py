@@ -291,7 +291,7 @@ def _solids_of(obstacle: Obstacle, t: float, along: Array) -> list[tuple[Array, 
     """Return the triangles of each part of an obstacle at a time, along axes, and its colour."""
     placing = zip(obstacle.parts, obstacle.poses(t), strict=True)
     return [
-        (placed(faces(corners(part.solid)), pose) @ along, style.GREY) for part, pose in placing
+        (placed(faces(corners(part.shape)), pose) @ along, style.GREY) for part, pose in placing
     ]
 
 

@@ -141,7 +141,7 @@ class ObstacleLayer:
         for obstacle in obstacles:
             nodes = [node[str(next(number))] for _ in obstacle.parts]
             for part, pose, drawn in zip(obstacle.parts, obstacle.poses(0.0), nodes, strict=True):
-                draw_triangles(drawn, faces(corners(part.solid)))
+                draw_triangles(drawn, faces(corners(part.shape)))
                 drawn.set_transform(pose.homogeneous)
             if obstacle.moves:
                 self._moving.append((obstacle, nodes))
