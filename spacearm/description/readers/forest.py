@@ -104,14 +104,11 @@ class Forest:
         """
         self._hang()
         roots = sorted(self.roots(), key=lambda root: -len(self.behind(root)))
-        after: dict[str, list[Joint]] = {}
-        for joint in self.joints.values():
-            after.setdefault(joint.parent, []).append(joint)
-        reached = set(roots)
+        after, reached = self._after(), set(roots)
         for root in roots:
             waiting = [root]
-            while waiting:
-                for joint in after.get(waiting.pop(0), ()):
+            for link in waiting:
+                for joint in after.get(link, ()):
                     end = joint.child
                     if end in reached:
                         end = free_name(f"{end}_at_{joint.name}", self.links.__contains__)
@@ -127,15 +124,12 @@ class Forest:
 
         A root that is fixed to such a link is held by it and stays.
         """
-        after: dict[str, list[Joint]] = {link: [] for link in self.links}
-        for joint in self.joints.values():
-            after[joint.parent].append(joint)
-        into: dict[str, Joint] = {}
+        after, into = self._after(), dict[str, Joint]()
         owner: dict[str, str] = {}
         for root in self.roots():
             owner[root], waiting = root, [root]
             for link in waiting:
-                for joint in after[link]:
+                for joint in after.get(link, ()):
                     end = joint.child
                     if end not in owner:
                         owner[end], into[end] = root, joint
@@ -150,6 +144,13 @@ class Forest:
                     else:
                         self._turn(theirs, into)
                         into[end] = joint
+
+    def _after(self) -> dict[str, list[Joint]]:
+        """Return the joints that start from each link, as they are now."""
+        after: dict[str, list[Joint]] = {}
+        for joint in self.joints.values():
+            after.setdefault(joint.parent, []).append(joint)
+        return after
 
     def _weight(self, root: str) -> float:
         """Return the mass of a root; what has none carries the others."""
@@ -259,12 +260,9 @@ class Forest:
 
     def behind(self, *roots: str) -> set[str]:
         """Return the links that hang on some links, these included."""
-        children: dict[str, list[str]] = {}
-        for joint in self.joints.values():
-            children.setdefault(joint.parent, []).append(joint.child)
-        reached, waiting = set(roots), list(roots)
-        while waiting:
-            waiting += (more := set(children.get(waiting.pop(), ())) - reached)
+        after, reached, waiting = self._after(), set(roots), [*roots]
+        for link in waiting:
+            waiting += (more := {joint.child for joint in after.get(link, ())} - reached)
             reached |= more
         return reached
 
