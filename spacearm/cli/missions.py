@@ -14,14 +14,7 @@ import typer
 import spacearm as sa
 from spacearm.cli import options as opt
 from spacearm.cli.output import Answer, err, out, save_phases, working
-from spacearm.cli.questions import (
-    With,
-    constraints_of,
-    question,
-    search_of,
-    start_of,
-    target_of,
-)
+from spacearm.cli.questions import With, constraints_of, question, search_of, start_of, target_of
 from spacearm.cli.wording import NUMBER, join_numbers
 from spacearm.export.motion_files import read_measured
 from spacearm.files import write

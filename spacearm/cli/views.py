@@ -75,13 +75,12 @@ def view_configuration(
         out.print(f"wrote {viewer.save(save)}")
     if png:
         out.print(f"wrote {viewer.png(png)}")
-    if video and video.suffix == ".zip":
-        with working("pictures") as progress:
-            viewer.frames(video, progress=progress)
-        out.print(f"wrote {video}")
-    elif video:
-        with working("video") as progress:
-            viewer.video(video, progress=progress)
+    if video:
+        what, film = (
+            ("pictures", viewer.frames) if video.suffix == ".zip" else ("video", viewer.video)
+        )
+        with working(what) as progress:
+            film(video, progress=progress)
         out.print(f"wrote {video}")
     if save or png or video:
         return

@@ -27,11 +27,7 @@ from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.motion.goal import goal_axes
 from spacearm.planning.account import SearchAccount
-from spacearm.planning.many_curves import (
-    inverse_kinematics,
-    spacecraft_turns,
-    turning_axes,
-)
+from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns, turning_axes
 from spacearm.planning.optimiser import FAR, CurveFamily, Shape, Sines, Target, sides
 
 #: Number of loops that are tried at once.

@@ -13,12 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import ArrayLike
-from spacearm.errors import (
-    ConfigurationError,
-    ImpossibleError,
-    NoSolutionError,
-    require_known,
-)
+from spacearm.errors import ConfigurationError, ImpossibleError, NoSolutionError, require_known
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import Goal, Origin

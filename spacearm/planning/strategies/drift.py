@@ -30,11 +30,7 @@ from spacearm.mechanics.jacobian import base_velocity, generalized_jacobian
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes, goal_rows
 from spacearm.planning.account import Attempts, SearchAccount
-from spacearm.planning.many_curves import (
-    drifting_attitudes,
-    inverse_kinematics,
-    spacecraft_turns,
-)
+from spacearm.planning.many_curves import drifting_attitudes, inverse_kinematics, spacecraft_turns
 from spacearm.planning.optimiser import ARRIVED, Target
 from spacearm.planning.problem import Problem, Rows, contact_as_flown
 from spacearm.planning.request import PlanRequest
