@@ -22,7 +22,7 @@ from spacearm.mechanics.distance import Linearisation, RankDistances, project, r
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.mechanics.target import Target
 from spacearm.model.arguments import BaseMode
-from spacearm.model.arm import Configuration, kinematics
+from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_scales
 from spacearm.results import (
     Cell,
@@ -379,9 +379,7 @@ def closed_map(
             pose = pin.SE3(pin.exp3(by[3:]) @ home.rotation, home.translation + by[:3])
             X = cfg.base.actInv(pose) if target else pose.inverse()
             q, _ = closure.solved(start, X)
-            tips = kinematics(cfg.arm, q.copy(), pin.SE3.Identity()).tips
-            gaps = [tip.actInv(X * F) for tip, F in zip(tips, closure.grasps, strict=True)]
-            if max(float(np.linalg.norm(pin.log6(gap).vector)) for gap in gaps) <= OPEN:
+            if closure.open(q, X) <= OPEN:
                 there, held = placed(cfg, target, q, X)
                 closed = closed_motions(there, held, mode)
                 distance[i, j] = closed_distances(there, closed, mode).distances[-1]

@@ -17,10 +17,9 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, ArrayLike, finite, generator, positive, shape_of
-from spacearm.closure.closing import Closure, Gaps, anywhere, named
+from spacearm.closure.closing import Closure, anywhere, named
 from spacearm.closure.target_paths import with_target
 from spacearm.collisions.separation import Collisions
-from spacearm.description.bodies import Inertial
 from spacearm.errors import (
     ConfigurationError,
     NoSolutionError,
@@ -39,7 +38,7 @@ from spacearm.planning import planner
 from spacearm.planning.account import Attempts, SearchAccount
 from spacearm.planning.many_curves import FlownRows
 from spacearm.planning.problem import broken_as_flown, clearance_of
-from spacearm.planning.reactions import largest_turn
+from spacearm.planning.reactions import boundless, largest_turn
 from spacearm.planning.request import Constraints, Joints, PlanRequest, Search
 from spacearm.planning.result import Attempt, Plan
 from spacearm.planning.timing import rest_to_rest_times
@@ -56,7 +55,7 @@ POSTURES = 30
 PART, SHORT = 0.4, 2.0
 #: Most failures that a message tells.
 TOLD = 3
-#: How many times its mass and inertia a spacecraft weighs that stands on the fixed world.
+#: How many times as much as all of its robot a spacecraft weighs that stands on the fixed world.
 GROUNDED = 1e9
 #: The parts of the motion, in order.
 PARTS = ("backing off", "moving", "closing in")
@@ -259,18 +258,13 @@ class Freed:
         for share in np.linspace(0.0, 1.0, NODES + 1)[1:]:
             there = pose * pin.SE3(np.eye(3), -share * self.approach)
             way.append(self.closure.solved(way[-1], there)[0])
-            if self.open(way[-1], there) > OPEN or np.abs(way[-1] - way[-2]).max() > STRIDE:
+            if self.closure.open(way[-1], there) > OPEN or np.abs(way[-1] - way[-2]).max() > STRIDE:
                 far = share * float(np.linalg.norm(self.approach))
                 raise NoSolutionError(
                     f"the hand cannot back off by more than {far:.3g} m: joint limits or a "
                     "singular posture stop it; give a shorter approach"
                 )
         return np.array(way)
-
-    def open(self, q: Array, pose: pin.SE3) -> float:
-        """Return how far the hand is from a pose seen from the spacecraft [m], [rad]."""
-        tips = kinematics(self.arm, q.copy(), pin.SE3.Identity()).tips
-        return max(Gaps.of(tips, pose, self.closure.grasps))
 
     def flown(self, name: str, start: Configuration, Q: Array) -> Plan:
         """Return the motion along joint positions (m, n), as it is flown.
@@ -312,9 +306,9 @@ class Freed:
             self.account.check_time()
             other = anywhere(self.arm, self.constraints.limits, rng)
             there = self.closure.solved(q + number / POSTURES * (other - q), pose)[0]
-            gap = min(gap, self.open(there, pose))
+            gap = min(gap, self.closure.open(there, pose))
             new = all(np.abs(there - known).max() > SAME for known in found)
-            if self.open(there, pose) <= OPEN and new:
+            if self.closure.open(there, pose) <= OPEN and new:
                 found.append(there)
                 yield there
         if not found:
@@ -376,19 +370,9 @@ def freed(
     held = {name: float(x) for name, x in zip(arm.joint_names, cfg.q, strict=True)}
     locked = {name: x for name, x in held.items() if name not in own}
     one = carrying.replace(tip=tip, joints="tip", locked=locked)
-    one = one if target is not None else grounded(one)
+    one = one if target is not None else boundless(one, GROUNDED * one.mass)
     q = [held[name] for name in one.joint_names]
     return one.at(q, base=cfg.base, wheels=cfg.wheels, momentum=momentum), links
-
-
-def grounded(arm: SpaceArm) -> SpaceArm:
-    """Return an arm on a spacecraft that stands on the fixed world: hardly any joint moves it."""
-    body = arm.model.inertias[1]
-    heavy = GROUNDED * max(body.mass, arm.mass)
-    size = GROUNDED * float(np.linalg.norm(arm.at(arm.home).A[3:, 3:6], 2))
-    root = Inertial(heavy, pin.SE3(np.eye(3), body.lever), size * np.eye(3))
-    tree = arm.whole
-    return arm.on(replace(tree, links={**tree.links, tree.root: root}))
 
 
 def regrasp_target(

@@ -363,36 +363,31 @@ class _Run:
              power, [np.abs(power).sum()], taken_up)
         )  # fmt: skip
 
+    def room(self, t: float, y: Array, kind: str) -> Array:
+        """Return how far joints (n,), wheels (w,) or loads of grasps (tips, 2) are from limits."""
+        cfg, v = self.parts(y)
+        if kind == "joint limit":
+            return np.minimum(cfg.arm.upper - cfg.q, cfg.q - cfg.arm.lower)
+        if kind == "wheel full":
+            return np.asarray(self.capacity - np.abs(cfg.wheels))
+        if not np.isfinite(self.bears).any():
+            return self.bears
+        return self.bears - _loads(self.state(t, cfg, v, self.others(t, cfg, v)[1]).wrenches)
+
     def rooms(self, t: float, y: Array) -> Array:
         """Return how far a state is from each event."""
-        cfg, v = self.parts(y)
-        arm, room = cfg.arm, []
-        for kind in self.events:
-            if kind == "grasp":
-                loads = np.zeros_like(self.bears)
-                if np.isfinite(self.bears).any():
-                    loads = _loads(self.state(t, cfg, v, self.others(t, cfg, v)[1]).wrenches)
-                room.append(float(np.min(self.bears - loads)))
-            elif kind == "wheel full":
-                room.append(float(np.min(self.capacity - np.abs(cfg.wheels))))
-            else:
-                room.append(float(np.minimum(arm.upper - cfg.q, cfg.q - arm.lower).min()))
-        return np.array(room)
+        return np.array([float(self.room(t, y, kind).min()) for kind in self.events])
 
     def event(self, t: float, y: Array, kind: str) -> Event:
         """Return an event."""
-        cfg, v = self.parts(y)
-        arm = cfg.arm
-        if kind == "joint limit":
-            j = int(np.minimum(arm.upper - cfg.q, cfg.q - arm.lower).argmin())
-            return Event(t, kind, cfg.q, arm.joint_names[j])
-        if kind == "wheel full":
-            i = int((self.capacity - np.abs(cfg.wheels)).argmin())
-            return Event(t, kind, cfg.q, arm.wheels[i].name)
-        loads = _loads(self.state(t, cfg, v, self.others(t, cfg, v)[1]).wrenches)
-        tip, what = np.unravel_index(int((loads / self.bears).argmax()), loads.shape)
-        unit = ("N", "N m")[int(what)]
-        return Event(t, kind, cfg.q, f"{arm.tips[int(tip)]}: {loads[tip, what]:.4g} {unit}")
+        room, (cfg, _) = self.room(t, y, kind), self.parts(y)
+        first, arm = int(room.argmin()), cfg.arm
+        if kind == "grasp":
+            tip, what = divmod(first, 2)
+            load, unit = self.bears[tip, what] - room[tip, what], ("N", "N m")[what]
+            return Event(t, kind, cfg.q, f"{arm.tips[tip]}: {load:.4g} {unit}")
+        names = arm.joint_names if kind == "joint limit" else [wheel.name for wheel in arm.wheels]
+        return Event(t, kind, cfg.q, names[first])
 
 
 def simulate_target(

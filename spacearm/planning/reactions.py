@@ -31,7 +31,6 @@ import pinocchio as pin
 from scipy.interpolate import PPoly
 
 from spacearm.arrays import Array
-from spacearm.description.bodies import Inertial
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
 from spacearm.mechanics.dynamics import momentum_and_torque
 from spacearm.model.arm import AT_REST, Configuration, SpaceArm, kinematics
@@ -184,13 +183,16 @@ BOUNDLESS = 1e9
 
 
 @lru_cache(maxsize=16)
-def boundless(arm: SpaceArm) -> SpaceArm:
-    """Return an arm on a spacecraft that no joint motion turns, of the same mass and CM."""
+def boundless(arm: SpaceArm, mass: float | None = None) -> SpaceArm:
+    """Return an arm on a spacecraft that no joint motion turns, of the same mass and CM.
+
+    With `mass` it has that one [kg].
+    """
     system = kinematics(arm, np.clip(np.zeros(arm.n), arm.lower, arm.upper), pin.SE3.Identity())
     largest = BOUNDLESS * float(np.linalg.norm(system.A[3:, 3:6], 2))
-    tree = arm.whole.with_spacecraft(None, np.eye(3))
-    body = tree.pinocchio().inertias[ROOT]
-    heavy = Inertial(body.mass, pin.SE3(np.eye(3), body.lever), largest * np.eye(3))
+    body = arm.whole.bodies[arm.whole.root]
+    heavy = body._replace(mass=mass or body.mass, inertia=largest * np.eye(3))
+    tree = arm.whole.with_spacecraft(arm.mass, np.eye(3))  # one link in place of all of its own
     return arm.on(replace(tree, links={**tree.links, tree.root: heavy}))
 
 
