@@ -89,5 +89,6 @@ def write_model(
     arm = arm.with_home({name: opt.si(known.get(name), q, deg) for name, q in positions})
     path = arm.to_urdf(output)
     tips, joints = ", ".join(arm.tips), listed(arm.joint_names)
-    said = f"{path}: {arm.name}, {arm.mass:.6g} kg, tip {tips}, {arm.n} joint{'s' * (arm.n > 1)}: {joints}"
+    said = f"{path}: {arm.name}, {arm.mass:.6g} kg, tip {tips}, "
+    said += f"{arm.n} joint{'s' * (arm.n > 1)}: {joints}"
     print_description(Description(title=said, notes=[f"note: {note}" for note in arm.notes]))
