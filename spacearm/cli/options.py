@@ -121,7 +121,8 @@ ENTRY = re.compile(r"^ {4}(\w+)(?: \((.+?)\))?: (.+(?:\n {8}.+)*)", re.MULTILINE
 def documented(command: Callable[P, T]) -> Callable[P, T]:
     """Give options the help that its docstring has under "Options", as "name (METAVAR): help".
 
-    Options that commands share say it in their annotations.
+    Words in braces stand for values of its module. Options that commands share say their help in
+    their annotations.
     """
     text, _, args = (inspect.getdoc(command) or "").partition("\n\nOptions:\n")
     parameters = dict(inspect.signature(command, eval_str=True).parameters)
@@ -131,7 +132,8 @@ def documented(command: Callable[P, T]) -> Callable[P, T]:
         if get_origin(kind) is Annotated:
             kind, shared = get_args(kind)
             info = copy(shared)
-        info.help, info.metavar = " ".join(words.split()), metavar or None
+        info.help = " ".join(words.split()).format(**command.__globals__)
+        info.metavar = metavar or None
         parameters[name] = parameters[name].replace(annotation=Annotated[kind, info])
     command.__doc__ = text
     command.__annotations__ = {name: p.annotation for name, p in parameters.items()}

@@ -43,14 +43,7 @@ def report_singularity(
     q: opt.JointValues = None,
     attitude: opt.Attitude = None,
     mode: opt.Mode = "free-floating",
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            help="Distance to the singular set up to which a posture is singular [rad], with --deg "
-            f"in degrees; {TOLERANCE:g} rad by default.",
-            show_default=False,
-        ),
-    ] = None,
+    tolerance: float | None = None,
     first_order: bool = False,
     fail_on_singular: Fail = False,
     deg: bool = False,
@@ -58,6 +51,8 @@ def report_singularity(
     """Report whether a posture is singular, and what is lost there.
 
     Options:
+        tolerance: Distance to the singular set up to which a posture is singular [rad], with --deg
+            in degrees; {TOLERANCE:g} rad by default.
         first_order: Only estimate the distance; do not search for the nearest posture.
     """
     cfg = opt.configuration(arm, q, attitude, deg)

@@ -21,6 +21,7 @@ from spacearm.servo.watching import recorded
 from spacearm.sweeps.motion_tables import read_integration, read_phases, read_plant, read_sampling
 from spacearm.sweeps.toml import Table
 
+KNOWN_LAWS = ", ".join(LAWS)
 #: Arguments of `simulate` that are taken from a table as they are.
 PLAIN = ("mode", "origin", "stop", "dq")
 OBJECTS = ("start", "controller", "duration", "plant", "sampling", "integration")
@@ -31,14 +32,8 @@ def simulate_motion(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
     target: str | None = None,
-    controller: Annotated[
-        str | None,
-        typer.Option(
-            help=f"Control law: {', '.join(LAWS)}; gains by --with controller.kp=... .",
-            metavar="LAW",
-        ),
-    ] = None,
-    duration: Annotated[float | None, typer.Option(show_default=False)] = None,
+    controller: str | None = None,
+    duration: float | None = None,
     attitude: opt.Attitude = None,
     mode: opt.MaybeMode = None,
     more: With = None,
@@ -55,6 +50,7 @@ def simulate_motion(
     Options:
         target (X1 X2 ...): Task rows of the tip [m], turns as roll pitch yaw; joint values for
             JointPD.
+        controller (LAW): Control law: {KNOWN_LAWS}; gains by --with controller.kp=... .
         duration: Duration [s]; 60 by default.
     """
     asked = question(more, *OBJECTS, *PLAIN, "phases", mode=mode)
@@ -127,6 +123,8 @@ def _ended(run: sa.Trajectory | sa.Flight, done: str) -> int:
 
 #: Exit code where a state was nearer than --stop, or made no sense.
 TOO_NEAR = 3
+#: The distances of --stop and --slow where they are not given [deg].
+STOP_AT, SLOW_FROM = np.degrees((STOP, SLOW))
 
 
 @opt.on_a_model
@@ -134,21 +132,8 @@ def watch_states(
     arm: sa.SpaceArm,
     file: Annotated[str, typer.Argument()] = "-",
     mode: opt.Mode = "free-floating",
-    stop: Annotated[
-        float | None,
-        typer.Option(
-            help="Distance to the singular set below which a state is too near [rad], with --deg "
-            f"in degrees; {np.degrees(STOP):g}° by default.",
-            show_default=False,
-        ),
-    ] = None,
-    slow: Annotated[
-        float | None,
-        typer.Option(
-            help=f"Distance beyond which there is no warning; {np.degrees(SLOW):g}° by default.",
-            show_default=False,
-        ),
-    ] = None,
+    stop: float | None = None,
+    slow: float | None = None,
     ahead: float = 5.0,
     topic: str = "/joint_states",
     deg: bool = False,
@@ -161,6 +146,9 @@ def watch_states(
     Options:
         file ([FILE]): Joint states: lines of JSON with t and q, or name and position, or an .mcap
             file; - is the standard input.
+        stop: Distance to the singular set below which a state is too near [rad], with --deg in
+            degrees; {STOP_AT:g}° by default.
+        slow: Distance beyond which there is no warning; {SLOW_FROM:g}° by default.
         ahead: How long ahead to warn [s].
         topic: Topic of an .mcap file.
     """

@@ -15,6 +15,8 @@ from spacearm.viewer.motions import WORDS
 from spacearm.viewer.session import opening_posture
 from spacearm.viewer.show import view as show
 
+KNOWN_MODES = ", ".join(WORDS)
+
 
 @opt.on_a_model
 def view_configuration(
@@ -22,14 +24,7 @@ def view_configuration(
     q: Annotated[list[str] | None, typer.Argument()] = None,
     attitude: opt.Attitude = None,
     motion: Path | None = None,
-    compare: Annotated[
-        str | None,
-        typer.Option(
-            help="Play another motion in step, or the same joint motion in another mode: "
-            f"{', '.join(WORDS)}.",
-            metavar="NPZ|MODE",
-        ),
-    ] = None,
+    compare: str | None = None,
     fly: bool = False,
     port: int | None = None,
     no_open: bool = False,
@@ -47,6 +42,8 @@ def view_configuration(
         q ([Q1 Q2 ...]): Joint values [rad], with --deg in degrees; of sliding joints [m]; a
             regular posture by default.
         motion (NPZ): Play a motion written by --save of plan or simulate.
+        compare (NPZ|MODE): Play another motion in step, or the same joint motion in another mode:
+            {KNOWN_MODES}.
         fly: Begin by flying the tip with keyboard or gamepad.
         port: Port of the page; by default the first free one from 7400 on.
         no_open: Serve the page, do not open a browser.

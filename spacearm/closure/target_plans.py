@@ -40,6 +40,7 @@ from spacearm.motion import following
 from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.problem import LEAST
 from spacearm.planning.request import Constraints, Search
+from spacearm.planning.timing import PEAK
 from spacearm.results import Description, Measure, Table
 from spacearm.singularities.nearest import angle
 
@@ -55,8 +56,6 @@ DETOURS = (0.3, 0.6, 1.0, 2.0)
 DRAWN = (0.5, 0.2)
 #: Share of a piece up to which a row is at its end.
 THERE = 1e-9
-#: Largest rate of 10 t^3 - 15 t^4 + 6 t^5, which leads along each piece.
-PEAK = 1.875
 #: What stops branches, and what to relax.
 STOPS = {
     "contact": ("met something", "move the obstacles, or see the way with collisions=False"),

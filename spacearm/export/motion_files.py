@@ -76,7 +76,7 @@ def _csv(motion: Motion) -> bytes:
             columns.append(values.values)
             continue
         kind, size = str(values.dims[-1]), values.shape[-1]
-        own = _columns(motion, kind, unit, size)
+        own = _columns(motion.arm, kind, unit, size)
         links = [""]
         if "link" in values.dims:
             links = [f"{link} ".replace(",", "_") for link in values["link"].values.tolist()]
@@ -110,12 +110,10 @@ def read_measured(path: Path, arm: SpaceArm) -> tuple[Motion, Array | None, Arra
     heads = [head.strip() for head in first.split(",")]
     if values.ndim != 2 or values.shape[1] != len(heads):
         raise ConfigurationError(f"{path} has lines of other lengths than its {len(heads)} heads")
-    slides = ["m" if slide else "rad" for slide in arm.slides]
-    names = [name.replace(",", "_") for name in arm.joint_names]
-    pose = [*(f"base {x} [m]" for x in "xyz"), *(f"base q{x} [1]" for x in "xyzw")]
+    pose = [f"base {column}" for column in _columns(arm, "pose")]
     twist = [*(f"twist v{x} [m/s]" for x in "xyz"), *(f"twist w{x} [rad/s]" for x in "xyz")]
-    joints = [[f"{what} {name} [{unit}{per}]" for name, unit in zip(names, slides, strict=True)]
-              for what, per in (("q", ""), ("dq", "/s"))]  # fmt: skip
+    q, dq = ([f"{what} {column}" for column in _columns(arm, "joint", unit)]
+             for what, unit in (("q", "rad or m"), ("dq", "rad/s or m/s")))  # fmt: skip
 
     def columns(wanted: list[str]) -> Array:
         if missing := [head for head in wanted if head not in heads]:
@@ -125,17 +123,17 @@ def read_measured(path: Path, arm: SpaceArm) -> tuple[Motion, Array | None, Arra
     def given(wanted: list[str]) -> Array | None:
         return columns(wanted) if any(head in heads for head in wanted) else None
 
-    motion = Motion(arm, columns(["t [s]"])[:, 0], columns(joints[0]), columns(pose))
-    return motion, given(joints[1]), given(twist)
+    motion = Motion(arm, columns(["t [s]"])[:, 0], columns(q), columns(pose))
+    return motion, given(dq), given(twist)
 
 
-def _columns(motion: Motion, kind: str, unit: str, size: int) -> list[str]:
+def _columns(arm: SpaceArm, kind: str, unit: str = "", size: int = 0) -> list[str]:
     """Return the heads of the columns of a quantity; a comma in them would part cells."""
     if kind == "pose":
         return [*(f"{x} [m]" for x in "xyz"), *(f"q{x} [1]" for x in "xyzw")]
     if kind == "joint":
-        units = (unit.split(" or ")[-1 if slides else 0] for slides in motion.arm.slides)
-        names = (name.replace(",", "_") for name in motion.arm.joint_names)
+        units = (unit.split(" or ")[-1 if slides else 0] for slides in arm.slides)
+        names = (name.replace(",", "_") for name in arm.joint_names)
         return [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
     columns = COLUMNS.get(kind) or tuple(str(i + 1) for i in range(size))
     return [f"{column} [{unit.replace(',', ';')}]" for column in columns]

@@ -14,7 +14,6 @@ import pinocchio as pin
 from spacearm.arrays import Array, finite
 from spacearm.compiler import symbols
 from spacearm.compiler.expressions import asarray
-from spacearm.compiler.users import over_symbols
 from spacearm.equations.laws import Law, Source, State
 from spacearm.equations.plant import Event, Parts, Pushed, Setup, moving, parts
 from spacearm.errors import ConfigurationError, UnsupportedError, require_known
@@ -266,13 +265,13 @@ class Preparation:
                 read(value)
                 yield (t,), value.homogeneous if isinstance(value, pin.SE3) else value
 
-        seen = over_symbols(function)
+        seen = users.over_symbols(function)
         traced = users.UserFunction.of(function, lambda t: _array(seen(t)), examples)
         return self.source(name, what, traced, lambda t, _: read(function(t)))
 
     def law(self, i: int, controller: Controller) -> Source:
         """Return a law as a source."""
-        system, seen = self.system, over_symbols(controller)
+        system, seen = self.system, users.over_symbols(controller)
         arm, at = system.arm, system.parts
 
         def outside(t: float, y: Array) -> Array:

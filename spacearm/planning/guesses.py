@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -27,7 +27,7 @@ from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.motion.goal import goal_axes
 from spacearm.planning.account import SearchAccount
-from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns, turning_axes
+from spacearm.planning.many_curves import Turns, inverse_kinematics, spacecraft_turns, turning_axes
 from spacearm.planning.optimiser import FAR, CurveFamily, Shape, Sines, Target, sides
 
 #: Number of loops that are tried at once.
@@ -199,15 +199,11 @@ class GuessFinder:
         T = self.T0 @ turned if target.attitude is None else np.resize(target.attitude, (m, 3, 3))
         if target.tip is None:
             return T[:1], np.array([target.q])
-        tip = pin.SE3(target.tip.rotation, target.tip.translation - self.com)
-        Q, T, miss = inverse_kinematics(
-            self.arm, self.free.draw(m, self.rng), tip, T, self.axes, HELD_STEPS,
-            self.account.check_time,
-        )  # fmt: skip
+        Q, T, miss = self.landed(self.free.draw(m, self.rng), T, HELD_STEPS)
         if target.attitude is None and (far := np.flatnonzero(miss >= CLOSE)).size:
-            Q[far], T[far], miss[far] = inverse_kinematics(
-                self.arm, self.free.draw(far.size, self.rng), tip, T[far], self.axes, HELD_STEPS,
-                self.account.check_time, (self.free.lower, self.free.upper), turning=True,
+            Q[far], T[far], miss[far] = self.landed(
+                self.free.draw(far.size, self.rng), T[far], HELD_STEPS,
+                limits=(self.free.lower, self.free.upper), turning=True,
             )  # fmt: skip
         Q, there = self.free.wrapped(Q), miss < CLOSE
         room = self.free.least_distance(Q[:, None])
@@ -225,6 +221,15 @@ class GuessFinder:
         }
         self.account.postures.update({word: int(count) for word, count in counts.items()})
         return T[good], Q[good]
+
+    def landed(
+        self, Q: Array, attitude: Array | Turns, steps: int, **options: Any
+    ) -> tuple[Array, Array, Array]:
+        """Bring the tip to its place from joint positions (K, n); see `inverse_kinematics`."""
+        goal: Any = self.target.tip
+        tip = pin.SE3(goal.rotation, goal.translation - self.com)
+        options |= {"check_time": self.account.check_time}
+        return inverse_kinematics(self.arm, Q, tip, attitude, self.axes, steps, **options)
 
     def count_ways(self, room: Array, near: Booleans) -> None:
         """Account for what stops curves, given their least distances and which arrive."""
@@ -252,11 +257,7 @@ class GuessFinder:
             P[rows, 0] = Q - self.start.q
             return self.T0 @ W[rows] @ self.turns(P[rows])
 
-        tip = pin.SE3(target.tip.rotation, target.tip.translation - self.com)
-        _, _, miss = inverse_kinematics(
-            self.arm, self.start.q + P[:, 0], tip, attitude, self.axes, TURNING_STEPS,
-            self.account.check_time,
-        )  # fmt: skip
+        _, _, miss = self.landed(self.start.q + P[:, 0], attitude, TURNING_STEPS)
         return P, miss < CLOSE
 
     def _loops(self) -> Loops:

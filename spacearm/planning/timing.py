@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline, PPoly, make_interp_spline
+from scipy.special import betaincinv
 
 from spacearm.arrays import Array, ArrayLike, finite
 from spacearm.errors import ConfigurationError
@@ -37,7 +38,8 @@ def rest_to_rest_times(q: Array, rates: Array) -> Array:
     t = np.zeros(len(q))
     for first, last in pairwise(corners(step)):
         piece = along[first : last + 1] - along[first]
-        t[first : last + 1] = t[first] + PEAK * piece[-1] * _times(piece / max(piece[-1], 1e-12))
+        u = betaincinv(3.0, 3.0, piece / max(piece[-1], 1e-12))  # the inverse of `eased`
+        t[first : last + 1] = t[first] + PEAK * piece[-1] * u
     return t
 
 
@@ -120,9 +122,3 @@ def swing(u: Array) -> Array:
     It begins at rest, goes back by 0.19, and ends without acceleration.
     """
     return u**3 * (-4.0 + 7.0 * u - 3.0 * u * u)
-
-
-def _times(share: Array) -> Array:
-    """Return the times (m,), from 0 to 1, at which a motion from rest to rest has gone shares."""
-    u = np.linspace(0.0, 1.0, 2001)
-    return np.interp(share, eased(u), u)

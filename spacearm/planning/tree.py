@@ -23,7 +23,7 @@ from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arguments import FLOATING
 from spacearm.motion.goal import goal_rows
 from spacearm.planning.guesses import CLOSE, GuessFinder, lengths
-from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns
+from spacearm.planning.many_curves import spacecraft_turns
 from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, SPACING
 from spacearm.planning.problem import Problem, Rows
 from spacearm.singularities.box_graph import FreeBoxes
@@ -250,11 +250,8 @@ class Tree:
             W[rows, -1] = Q
             return T[rows] @ self._turns(W[rows, -2:])
 
-        tip = pin.SE3(target.tip.rotation, target.tip.translation - self.start.com)
-        _, _, miss = inverse_kinematics(
-            self.arm, W[:, -1], tip, attitude, self.finder.axes, STEPS,
-            self.account.check_time, (target.lower, target.upper),
-        )  # fmt: skip
+        limits = target.lower, target.upper
+        _, _, miss = self.finder.landed(W[:, -1], attitude, STEPS, limits=limits)
         room = self._room(W[:, -2:])
         self.finder.count_ways(room, miss < CLOSE)
         return W, miss < CLOSE, room

@@ -16,6 +16,13 @@ from spacearm.uncertainty.identification import NAMES, Identified
 from spacearm.uncertainty.robust import DistanceRange, ShellBands
 from spacearm.workspaces.path_dependent import Workspace
 
+#: Axes of risks.
+BY_DISTANCE: Any = {
+    "xlabel": "distance of the tip from the system CM [m]",
+    "ylabel": "configurations near a singularity [%]",
+    "ylim": (0.0, None),
+}
+
 
 @style.draws(Workspace)
 def draw_workspace(
@@ -68,11 +75,7 @@ def draw_profile(result: RiskProfile, axes: Any) -> None:
         result.radius, share - 2 * error, share + 2 * error, color=style.RED, alpha=0.25
     )
     axes.plot(result.radius, share, color=style.RED, lw=2)
-    axes.set(
-        xlabel="distance of the tip from the system CM [m]",
-        ylabel="configurations near a singularity [%]",
-        ylim=(0.0, None),
-    )
+    axes.set(**BY_DISTANCE)
     style.entitle(axes, f"postures {nearness(result)}")
 
 
@@ -89,11 +92,7 @@ def draw_pose_risk(result: PoseRisk, axes: Any) -> None:
         np.linalg.norm(result.centre, axis=1), 100.0 * result.share, "o", color=style.RED, alpha=0.6
     )
     axes.axhline(100.0 * mean, color=style.GREY, lw=1, ls=":")
-    axes.set(
-        xlabel="distance of the tip from the system CM [m]",
-        ylabel="configurations near a singularity [%]",
-        ylim=(0.0, None),
-    )
+    axes.set(**BY_DISTANCE)
     style.entitle(axes, f"{len(result.share)} tip poses, {nearness(result)}\nmean {mean:.1%}")
 
 

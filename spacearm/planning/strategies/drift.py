@@ -36,7 +36,6 @@ from spacearm.planning.problem import Problem, Rows, contact_as_flown
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.at_rest import at_rest
-from spacearm.planning.strategies.several_tips import several_tips
 from spacearm.planning.timing import PEAK, eased, swing
 
 #: Time for a motion over that at zero momentum, where none is asked for: bent ways are longer.
@@ -160,7 +159,7 @@ class Drift:
         Raises:
             NoSolutionError: None of it arrives, or it breaks a constraint.
         """
-        still = (several_tips if self.request.goals else at_rest)(self._still(number))
+        still = at_rest(self._still(number))
         self.attempts.method = f"{still.method}, bent"
         rate = self._final_rate(still[-1])
         if self.request.duration is None:

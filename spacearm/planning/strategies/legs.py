@@ -25,7 +25,6 @@ from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.at_rest import at_rest, paced
 from spacearm.planning.strategies.drift import Drift, stretched
-from spacearm.planning.strategies.several_tips import several_tips
 from spacearm.planning.timing import rest_to_rest_times
 
 #: Share of the time left that a leg may take, and the least time for it [s].
@@ -61,8 +60,7 @@ def to_a_goal(request: PlanRequest) -> Plan:
     """Return a plan to one goal, with none on the way; raises as `by_way_of_goals`."""
     if request.timed:
         return Drift(request).plan()
-    found = (several_tips if request.goals else at_rest)(request)
-    return stretched(found, request.duration, request.account)
+    return stretched(at_rest(request), request.duration, request.account)
 
 
 def _found(request: PlanRequest, durations: Sequence[float | None]) -> tuple[Plan, Array]:

@@ -8,7 +8,7 @@ import pytest
 
 from spacearm.compiler.expressions import TracingError
 from spacearm.compiler.symbols import interpreted, trace
-from spacearm.compiler.users import over_symbols
+from spacearm.motion.user_functions import over_symbols
 
 TIMES, PLACES = np.linspace(0.0, 10.0, 6), np.array([0.0, 1.0, -1.0, 2.0, 0.5, 0.0])
 TABLE = np.arange(12.0).reshape(6, 2)
