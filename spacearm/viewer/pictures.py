@@ -6,17 +6,15 @@ import base64
 import html
 import io
 import json
-import math
 import re
 import secrets
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
-from itertools import chain
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from threading import Timer
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import meshcat.geometry as g
@@ -40,11 +38,17 @@ HEADLESS = (
 )  # fmt: skip
 #: Longest time that a picture may take, and each further one of a motion [s].
 RENDERING, EACH = 120.0, 5.0
-#: How names of videos end, and the codec of each.
-VIDEOS = {".gif": "", ".mp4": "libx264", ".webm": "libvpx-vp9"}
-#: Pictures of a motion that a browser makes, which are held in memory, and browsers at a time.
-AT_ONCE, BROWSERS_AT_ONCE = 300, 2
-FRAME = re.compile(rb"data:image/png;base64,([A-Za-z0-9+/=]+)")
+#: How names of videos end, and how each is encoded: soon, as a minute is to take half a minute.
+VIDEOS = {
+    ".gif": (),
+    ".mp4": ("-c:v", "libx264", "-preset", "veryfast"),
+    ".webm": ("-c:v", "libvpx-vp9", "-deadline", "realtime", "-cpu-used", "8", "-crf", "30"),
+}
+#: Browsers that draw the pictures of a motion side by side.
+BROWSERS_AT_ONCE = 2
+PIECE_OF_PICTURE = re.compile(rb'"picture ([A-Za-z0-9+/=]+)(!?)"')
+#: Steps of red, green and blue in a GIF, besides the colours of its first picture.
+STEPS = 5
 
 
 def render(page: str, size: tuple[int, int], scale: int) -> bytes:
@@ -61,16 +65,21 @@ def render(page: str, size: tuple[int, int], scale: int) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         picture = Path(folder, "scene.png")
         options = (f"--screenshot={picture}", f"--force-device-scale-factor={scale}")
-        run = _browse(page, "picture", size, options, Path(folder), RENDERING)
+        command = _command(page, "picture", size, options, Path(folder))
+        try:
+            run = subprocess.run(command, capture_output=True, timeout=RENDERING, check=False)
+        except subprocess.TimeoutExpired:
+            raise SpaceArmError(
+                f"{command[0]} has not drawn the picture after {RENDERING:g} s; use .save(path) "
+                "and open the page"
+            ) from None
         if not picture.is_file():
             raise SpaceArmError(f"the browser drew nothing: {run.stderr.decode()[-300:]}")
         return picture.read_bytes()
 
 
 def render_frames(page: str, size: tuple[int, int], times: Sequence[float]) -> Iterator[bytes]:
-    """Render the motion of a saved page to PNG pictures, `AT_ONCE` by each start of a browser.
-
-    Up to `BROWSERS_AT_ONCE` draw side by side.
+    """Render the motion of a saved page to PNG pictures, by `BROWSERS_AT_ONCE` browsers in turn.
 
     Args:
         page: The page.
@@ -78,79 +87,106 @@ def render_frames(page: str, size: tuple[int, int], times: Sequence[float]) -> I
         times: When [s].
 
     Raises:
-        SpaceArmError: No browser is found, or it draws nothing in `RENDERING` and `EACH`.
+        SpaceArmError: No browser is found, or it does not draw them all in `RENDERING` and `EACH`.
     """
-    side_by_side = min(processors(), BROWSERS_AT_ONCE)
-    each = min(AT_ONCE, math.ceil(len(times) / side_by_side))
-    parts = [times[first : first + each] for first in range(0, len(times), each)]
-    with ThreadPoolExecutor(side_by_side) as pool:
-        for first in range(0, len(parts), side_by_side):
-            drawn = pool.map(partial(_frames, page, size), parts[first : first + side_by_side])
-            yield from chain.from_iterable(drawn)
+    side_by_side = min(processors(), BROWSERS_AT_ONCE, len(times))
+    with ExitStack() as stack:
+        parts = (times[i::side_by_side] for i in range(side_by_side))
+        drawn = [stack.enter_context(_drawing(page, size, part)) for part in parts]
+        for i in range(len(times)):
+            picture = next(drawn[i % side_by_side], None)
+            if picture is None:
+                raise SpaceArmError(f"the browser drew {i} of {len(times)} pictures")
+            yield picture
 
 
-def _frames(page: str, size: tuple[int, int], times: Sequence[float]) -> list[bytes]:
-    """Render the motion to PNG pictures by one start of the browser."""
-    with tempfile.TemporaryDirectory() as folder:
-        longest = RENDERING + EACH * len(times)
-        wanted = f"frames={size[0]},{size[1]},{','.join(map(repr, times))}"
-        run = _browse(page, wanted, size, ("--dump-dom",), Path(folder), longest)
-    found = FRAME.findall(run.stdout)
-    if len(found) != len(times):
-        raise SpaceArmError(
-            f"the browser drew {len(found)} of {len(times)} pictures: {run.stderr.decode()[-300:]}"
-        )
-    return [base64.b64decode(picture) for picture in found]
+@contextmanager
+def _drawing(page: str, size: tuple[int, int], times: Sequence[float]) -> Iterator[Iterator[bytes]]:
+    """Have one browser draw the motion at some times [s], as long as it is waited for."""
+    wanted = f"frames={size[0]},{size[1]},{','.join(map(repr, times))}"
+    options = ("--dump-dom", "--enable-logging=stderr")
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        command = _command(page, wanted, size, options, Path(folder))
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as run:
+            assert run.stderr is not None
+            watch = Timer(RENDERING + EACH * len(times), run.kill)
+            watch.start()
+            try:
+                yield _joined(run.stderr)
+            finally:
+                watch.cancel()
+                run.kill()
 
 
-def write_video(
-    file: BinaryIO, kind: str, pictures: Iterator[bytes], size: tuple[int, int], rate: float
-) -> None:
+def _joined(lines: Iterable[bytes]) -> Iterator[bytes]:
+    """Join the pieces of pictures in what a browser tells."""
+    pieces: list[bytes] = []
+    for line in lines:
+        if piece := PIECE_OF_PICTURE.search(line):
+            pieces.append(piece[1])
+            if piece[2]:
+                yield base64.b64decode(b"".join(pieces))
+                pieces.clear()
+
+
+def write_video(file: BinaryIO, kind: str, pictures: Iterator[bytes], rate: float) -> None:
     """Encode pictures as a video, one after the other.
 
     Args:
         file: Where it goes: an open file with a name.
         kind: One of `VIDEOS`.
         pictures: PNG pictures, all of one size.
-        size: Their width and height [px].
         rate: Pictures a second.
 
     Raises:
         UnsupportedError: imageio-ffmpeg is not installed, and `kind` is not ".gif".
         SpaceArmError: The video cannot be encoded.
     """
+    if kind == ".gif":
+        _write_gif(file, pictures, rate)
+        return
+    encoder = imported("imageio_ffmpeg", "imageio-ffmpeg", "video").get_ffmpeg_exe()
+    read = ("-y", "-loglevel", "error", "-f", "image2pipe", "-framerate", f"{rate}", "-i", "-")
+    command = [encoder, *read, *VIDEOS[kind], "-pix_fmt", "yuv420p", "-f", kind[1:], file.name]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as run:
+        assert run.stdin is not None
+        try:
+            for picture in pictures:
+                run.stdin.write(picture)
+        except BrokenPipeError:
+            pass  # it says why
+        except BaseException:
+            run.kill()
+            raise
+        _, why = run.communicate()
+    if run.returncode:
+        raise SpaceArmError(f"the video cannot be encoded: {why.decode()[-300:]}")
+
+
+def _write_gif(file: BinaryIO, pictures: Iterator[bytes], rate: float) -> None:
+    """Write a GIF of one palette: the colours of its first picture, and some of each kind."""
     from PIL import Image  # slow to import
 
     drawn = (Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures)
-    if kind == ".gif":
-        first = next(drawn)
-        each = 10 * round(100.0 / rate)  # a GIF counts hundredths of a second
-        first.save(file, "GIF", save_all=True, append_images=drawn, duration=each, loop=0)
-        return
-    encoder = imported("imageio_ffmpeg", "imageio-ffmpeg", "video").write_frames(
-        file.name, size, fps=rate, codec=VIDEOS[kind], macro_block_size=2,
-        output_params=["-f", kind[1:]],
-    )  # fmt: skip
-    try:
-        encoder.send(None)
-        for picture in drawn:
-            encoder.send(picture.tobytes())
-    finally:
-        encoder.close()
+    first = next(drawn)
+    levels = np.linspace(0, 255, STEPS).astype(int)
+    some = np.stack(np.meshgrid(levels, levels, levels), axis=-1).ravel().tolist()
+    own = first.quantize(256 - STEPS**3).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(own[: 768 - len(some)] + some)
+    shown = (each.quantize(palette=palette, dither=Image.Dither.NONE) for each in drawn)
+    each = 10 * round(100.0 / rate)  # a GIF counts hundredths of a second
+    first = first.quantize(palette=palette, dither=Image.Dither.NONE)
+    first.save(file, "GIF", save_all=True, append_images=shown, duration=each, loop=0)
 
 
-def _browse(
-    page: str,
-    fragment: str,
-    size: tuple[int, int],
-    options: tuple[str, ...],
-    folder: Path,
-    longest: float,
-) -> subprocess.CompletedProcess[bytes]:
-    """Open a page in a headless browser, which ends when it has drawn it.
+def _command(
+    page: str, fragment: str, size: tuple[int, int], options: tuple[str, ...], folder: Path
+) -> list[str]:
+    """Return the command by which a headless browser opens a page, and ends when it has drawn it.
 
     Raises:
-        SpaceArmError: No browser is found, or it takes too long.
+        SpaceArmError: No browser is found.
     """
     browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
     if browser is None:
@@ -161,14 +197,7 @@ def _browse(
     file = folder / "scene.html"
     file.write_text(page, encoding="utf-8")
     window = (f"--user-data-dir={folder}/profile", f"--window-size={size[0]},{size[1]}")
-    command = [browser, *HEADLESS, *window, *options, f"{file.as_uri()}#{fragment}"]
-    try:
-        return subprocess.run(command, capture_output=True, timeout=longest, check=False)
-    except subprocess.TimeoutExpired:
-        raise SpaceArmError(
-            f"{browser} has not drawn the picture after {longest:g} s; use .save(path) "
-            "and open the page"
-        ) from None
+    return [browser, *HEADLESS, *window, *options, f"{file.as_uri()}#{fragment}"]
 
 
 def embedded(scene: str, picture: bytes, name: str, invitation: str | None) -> str:

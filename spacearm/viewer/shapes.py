@@ -204,8 +204,11 @@ def link_poses(arm: SpaceArm, cfg: Configuration) -> Callable[[str], pin.SE3]:
 
 
 def glass(color: int, opacity: float) -> g.MeshLambertMaterial:
-    """Make a material that hides nothing behind it."""
-    return g.MeshLambertMaterial(color=color, opacity=opacity, transparent=True, depthWrite=False)
+    """Make a material that hides nothing behind it, nor what lies in its surface."""
+    behind = {"polygonOffset": True, "polygonOffsetFactor": 1, "polygonOffsetUnits": 1}
+    return g.MeshLambertMaterial(
+        color=color, opacity=opacity, transparent=True, depthWrite=False, **behind
+    )
 
 
 def film(opacity: float, color: int | None = None) -> g.MeshBasicMaterial:

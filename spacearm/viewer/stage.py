@@ -235,7 +235,7 @@ MOST_FRAMES = 9000
 MOST_MAPS = 25
 #: Largest number of postures along a motion that the page moves through by itself.
 MOST_POSES = 600
-FRAMES_PER_SECOND = 30
+FRAMES_PER_SECOND = 15
 #: Direction from which workspaces of spatial arms are cut open: the page's, but level.
 VIEW = np.array([0.55, -0.75, 0.0])
 #: Layers that belong to a motion.

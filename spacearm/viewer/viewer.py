@@ -216,7 +216,7 @@ class Viewer:
     def html(self) -> str:
         """Return one self-contained page with the scene as it is, or with the whole motion.
 
-        A motion has at least 30 frames a second, but at most 9000 in all, evenly spread. Between
+        A motion has at least 15 frames a second, but at most 9000 in all, evenly spread. Between
         them the page interpolates. The map of two joints is that of the posture; of a motion those
         of postures on the way, if other joints move.
         """
@@ -262,14 +262,14 @@ class Viewer:
     def frames(
         self,
         path: str | os.PathLike[str],
-        size: tuple[int, int] = (1200, 800),
+        size: tuple[int, int] = (960, 640),
         per_second: float = 25.0,
         progress: Callable[[int, int], object] | None = None,
     ) -> Path:
         """Render the motion to PNG pictures in a ZIP archive, by a headless browser.
 
         The pictures are evenly spread from the start of the motion to its end, and numbered from 1.
-        Some 600 of them are in memory at a time; the archive is there once it is whole.
+        Edges are not smoothed. The archive is there once it is whole.
 
         Args:
             path: The archive to write.
@@ -299,7 +299,7 @@ class Viewer:
     def video(
         self,
         path: str | os.PathLike[str],
-        size: tuple[int, int] = (1200, 800),
+        size: tuple[int, int] = (960, 640),
         per_second: float = 25.0,
         progress: Callable[[int, int], object] | None = None,
     ) -> Path:
@@ -340,7 +340,7 @@ class Viewer:
         times = self._times(rate)
 
         def fill(file: BinaryIO) -> None:
-            write_video(file, kind, self._pictures(size, times, progress), size, rate)
+            write_video(file, kind, self._pictures(size, times, progress), rate)
 
         return write_by(Path(path), fill)
 

@@ -12,10 +12,11 @@ const FIELD = 45; // degrees, from the lower to the upper edge
 const PRESETS = { front: [1, 0, 0], side: [0, -1, 0], top: [0, 0, 1] };
 
 export function createCamera(viewer, { view, grid }) {
-  if (!viewer) return { fit() {}, keep() {} };
+  if (!viewer) return { fit() {}, keep() {}, take() {} };
   const { Vector3 } = MeshCat.THREE;
   const inertial = (x, y, z) => new Vector3(x, z, -y); // three.js has y upwards, meshcat turns it
   let direction = inertial(...view).normalize();
+  let whole = null; // what of a motion is to be seen, from its start to its end
   let moved = false; // by hand: then it stays where it is
   const { camera, controls } = viewer;
   camera.fov = FIELD;
@@ -55,8 +56,7 @@ export function createCamera(viewer, { view, grid }) {
     return bar.height > 0 && height > 0 ? Math.max(1 - (2 * (bar.bottom - top)) / height, 0.2) : 1;
   }
 
-  function fit() {
-    const all = points();
+  function fit(all = whole ?? points()) {
     if (!all.length || !(camera.aspect > 0)) return;
     moved = false;
     const centre = all.reduce((sum, p) => sum.add(p), new Vector3()).multiplyScalar(1 / all.length);
@@ -139,5 +139,5 @@ export function createCamera(viewer, { view, grid }) {
   for (const button of byId("view").querySelectorAll("[data-view]")) {
     button.addEventListener("click", () => look(button.dataset.view));
   }
-  return { fit, keep, points };
+  return { fit, keep, points, take: (all) => fit((whole = all)) };
 }

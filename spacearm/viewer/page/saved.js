@@ -10,6 +10,9 @@ import { createRecorder } from "./record.js";
 import { createViewer, legend } from "./scene.js";
 import { explainByTouch } from "./touch.js";
 
+const GROUND = 0xe8ecf0; // of the pictures of a motion
+const MOMENTS = 24;
+
 function start({ about, readout, maps }, commands) {
   const viewer = createViewer(byId("scene"));
   for (const text of viewer ? commands : []) {
@@ -31,19 +34,41 @@ function start({ about, readout, maps }, commands) {
   const size = { flex: "none", width: `${width}px`, height: `${height}px` };
   for (const id of times ? ["upper", "drawing"] : []) Object.assign(byId(id).style, size);
   viewer?.set_3d_pane_size();
-  camera.fit();
+  if (viewer && seek) camera.take(alongMotion(about.motion.span, seek, camera.points));
+  else camera.fit();
   window.spacearm = { viewer, points: () => camera.points() };
   if (times && viewer && seek) takeFrames(viewer, times.split(",").map(Number), seek);
 }
 
-/* Leaves nothing in the page but pictures of a motion at some times, for a program that reads it. */
+/* What is to be seen of a motion from its start to its end. */
+function alongMotion([first, last], seek, points) {
+  const moments = Array.from({ length: MOMENTS + 1 }, (_, i) => last + ((first - last) * i) / MOMENTS);
+  return moments.flatMap((t) => {
+    seek(t);
+    return points();
+  });
+}
+
+/* Tells the console the pictures of a motion at some times, for a program that reads it: in pieces, as
+   the lines of several processes would mix if they were longer. Without a graphics processor smooth
+   edges, a shaded ground and the far sides of bodies take most of the time; they are left out. */
 function takeFrames(viewer, times, seek) {
-  const pictures = times.map((t) => {
+  const { FrontSide, WebGLRenderer } = MeshCat.THREE;
+  const { width, height } = viewer.renderer.domElement;
+  viewer.renderer.dispose();
+  viewer.renderer = new WebGLRenderer({ alpha: false });
+  viewer.renderer.setSize(width, height);
+  viewer.renderer.setClearColor(GROUND);
+  viewer.hide_background();
+  viewer.scene.traverse(({ geometry, material }) => {
+    if (material && geometry.type !== "BufferGeometry") material.side = FrontSide;
+  });
+  for (const t of times) {
     seek(t);
     viewer.render();
-    return viewer.renderer.domElement.toDataURL("image/png");
-  });
-  document.documentElement.textContent = pictures.join("\n");
+    const picture = viewer.renderer.domElement.toDataURL("image/png").split(",")[1];
+    for (const piece of `${picture}!`.match(/.{1,3000}/g)) console.info(`picture ${piece}`);
+  }
 }
 
 function list(joints, q) {
