@@ -28,13 +28,14 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations_with_replacement
 from typing import NamedTuple
 
 import numpy as np
 
 from spacearm.arrays import Array, Booleans, Integers
-from spacearm.polynomial.jets import Jets, stacked
-from spacearm.polynomial.tubes import EPS, ROUNDING, Tubes
+from spacearm.polynomial.jets import Jets, derivatives
+from spacearm.polynomial.tubes import EPS, ROUNDING, Form, Tubes
 
 #: Boxes that are tried at a time at most and at least, and in how many times a budget is spent: the
 #: fewer at a time, the more of those that are nearest.
@@ -48,34 +49,96 @@ SMALL, PATIENCE = 0.31, 2
 RIDGE = 1e-14
 
 
+class Monomials(NamedTuple):
+    """The t monomials of degree 1 to 3 of the coordinates that matter, those of degree 1 first.
+
+    Attributes:
+        indices: The coordinates of each, as often as it has them.
+        linear: How many have degree 1.
+        factor: (t,) what a Taylor coefficient is of the derivative.
+        even: (t,) which are squares, never negative.
+        share: (t, n) what each coordinate takes of them.
+    """
+
+    indices: tuple[tuple[int, ...], ...]
+    linear: int
+    factor: Array
+    even: Booleans
+    share: Array
+
+    @classmethod
+    def of(cls, relevant: Booleans) -> Monomials:
+        """Return those of the relevant (n,) coordinates."""
+        own = [combinations_with_replacement(np.flatnonzero(relevant), d) for d in (1, 2, 3)]
+        indices = tuple(tuple(map(int, index)) for some in own for index in some)
+        powers = np.array([[index.count(j) for j in range(len(relevant))] for index in indices])
+        powers = powers.reshape(-1, len(relevant))
+        size = powers.sum(axis=1)
+        factor = 1.0 / np.array([math.prod(map(math.factorial, row)) for row in powers.tolist()])
+        return cls(
+            indices,
+            int((size == 1).sum()),
+            factor,
+            (size == 2) & (powers.max(axis=1, initial=0) == 2),
+            powers / size[:, None],
+        )
+
+    def at(self, half: Array) -> Array:
+        """Return the monomials (m, t) at half widths (m, n)."""
+        of_one = half[:, [index[0] for index in self.indices]]
+        for i in (1, 2):
+            more = [t for t, index in enumerate(self.indices) if len(index) > i]
+            of_one[:, more] *= half[:, [self.indices[t][i] for t in more]]
+        return of_one
+
+    def quadratic(self, slope: Array, bend: Array) -> Array:
+        """Return the Taylor coefficients (m, t) of gradients (m, n) and second derivatives."""
+        found = np.zeros((len(slope), len(self.indices)))
+        for t, (i, *others) in enumerate(self.indices):
+            if len(others) < 2:
+                found[:, t] = bend[:, i, others[0]] if others else slope[:, i]
+        return found * self.factor
+
+
 class Expansion(NamedTuple):
     """Functions expanded at the centres of m boxes, in shares of the half widths.
 
     Attributes:
+        monomials: The monomials.
         value: (m, p) values.
-        slope: (m, p, n) first derivatives.
-        bend: (m, p, n, n) second derivatives.
-        third: (m, p, n, n, n) third derivatives.
+        terms: (m, p, t) Taylor coefficients of the monomials.
         fourth: (m, p, n) bounds of what the fourth derivatives add, by the joint.
         noise: (m, p) bounds of the rounding.
     """
 
+    monomials: Monomials
     value: Array
-    slope: Array
-    bend: Array
-    third: Array
+    terms: Array
     fourth: Array
     noise: Array
 
     @property
+    def slope(self) -> Array:
+        """(m, p, r) first derivatives in the r coordinates that matter."""
+        return self.terms[:, :, : self.monomials.linear]
+
+    @property
     def rest(self) -> Array:
         """(m, p) bounds of what all but the first derivatives add."""
-        third = np.abs(self.third).sum(axis=(2, 3, 4)) / 6.0
-        return 0.5 * np.abs(self.bend).sum(axis=(2, 3)) + third + self.fourth.sum(axis=2)
+        beyond = np.abs(self.terms[:, :, self.monomials.linear :]).sum(axis=2)
+        return np.asarray(beyond + self.fourth.sum(axis=2))
 
-    def with_(self, other: Expansion) -> Expansion:
-        """Return these functions and others in the same boxes."""
-        return Expansion(*(np.concatenate(pair, axis=1) for pair in zip(self, other, strict=True)))
+    def with_(self, form: Form, half: Array) -> Expansion:
+        """Return these functions and a quadratic one in the same boxes, of half widths (m, n)."""
+        own = self.monomials
+        terms = own.quadratic(form.slope, form.bend) * own.at(half)
+        return Expansion(
+            own,
+            np.concatenate((self.value, form.value[:, None]), axis=1),
+            np.concatenate((self.terms, terms[:, None]), axis=1),
+            np.pad(self.fourth, ((0, 0), (0, 1), (0, 0))),
+            np.concatenate((self.noise, form.noise[:, None]), axis=1),
+        )
 
     def factors(self, rest: Array) -> Array:
         """Return (m, p) factors with value 1 that make the squares of slope and rest least."""
@@ -92,15 +155,10 @@ class Expansion(NamedTuple):
 
     def least(self, a: Array) -> tuple[Array, Array]:
         """Bound the sums with factors (m, p) from below, (m,), and say what each joint takes."""
-        m, n = len(a), self.slope.shape[2]
-        size = np.abs(a)
-        slope = np.abs((a[:, None] @ self.slope)[:, 0])
-        bend = (a[:, None] @ self.bend.reshape(m, -1, n * n)).reshape(m, n, n)
-        third = (a[:, None] @ self.third.reshape(m, -1, n**3)).reshape(m, n, -1)
-        diagonal = np.einsum("mjj->mj", bend)
-        across = np.abs(bend).sum(axis=2) - np.abs(diagonal)
-        taken = slope + 0.5 * (across - np.minimum(diagonal, 0.0))
-        taken += np.abs(third).sum(axis=2) / 6.0 + (size[:, None] @ self.fourth)[:, 0]
+        size, own = np.abs(a), self.monomials
+        terms = (a[:, None] @ self.terms)[:, 0]
+        amount = np.where(own.even & (terms > 0.0), 0.0, np.abs(terms))
+        taken = amount @ own.share + (size[:, None] @ self.fourth)[:, 0]
         return (a * self.value - size * self.noise).sum(axis=1) - taken.sum(axis=1), taken
 
 
@@ -140,6 +198,10 @@ class Roots:
         """(n,) which positions the polynomials depend on."""
         return np.any([f.polynomial.degrees for f in self.polynomials], axis=0)
 
+    @cached_property
+    def _monomials(self) -> Monomials:
+        return Monomials.of(self.relevant)
+
     @property
     def alone(self) -> bool:
         """Whether there is one polynomial, which changes its sign at its roots."""
@@ -169,23 +231,21 @@ class Roots:
 
     def expanded(self, centre: Array, half: Array) -> Expansion:
         """Expand the polynomials in boxes (m, n)."""
-        jet = stacked(self.polynomials, self.origin + self.unit * centre, 3)
-        width = self.unit * half
-        pairs = width[:, :, None] * width[:, None]
-        triples = np.einsum("mi,mj,mk->mijk", half, half, half).reshape(len(half), -1)
-        fourth = np.moveaxis(self._fourth @ triples.T, -1, 0) * half[:, None] / 24.0
+        own, n = self._monomials, half.shape[1]
+        at = self.origin + self.unit * centre
+        found = derivatives(self.polynomials, at, [(), *own.indices])
+        triples = np.einsum("mi,mj,mk->mijk", half, half, half).reshape(-1, n**3)
         turn = half @ self._turns.T
         return Expansion(
-            jet.value,
-            jet.gradient * width[:, None],
-            jet.hessian * pairs[:, None],
-            jet.third * (pairs[:, :, :, None] * width[:, None, None])[:, None],
-            fourth,
+            own,
+            found[:, :, 0],
+            found[:, :, 1:] * (own.factor * own.at(self.unit * half))[:, None],
+            np.moveaxis(self._fourth @ triples.T, -1, 0) * half[:, None] / 24.0,
             self._noise * (1.0 + turn + turn**2 / 2.0 + turn**3 / 6.0),
         )
 
     def tried(
-        self, centre: Array, half: Array, age: Integers, inside: Expansion | None = None
+        self, centre: Array, half: Array, age: Integers, inside: Form | None = None
     ) -> tuple[Booleans, Array, int]:
         """Tell which boxes are free, of young ones by the smallest polynomials alone.
 
@@ -206,13 +266,13 @@ class Roots:
             return free, taken, len(age)
         again = np.flatnonzero(~free & (age > PATIENCE))
         if len(again):
-            part = None if inside is None else Expansion(*(numbers[again] for numbers in inside))
+            part = None if inside is None else Form(*(numbers[again] for numbers in inside))
             free[again], taken[again] = self.free(centre[again], half[again], part)
             age[again] = 0
         return free, taken, math.ceil(small.size / self.size * len(age)) + len(again)
 
     def free(
-        self, centre: Array, half: Array, inside: Expansion | None = None
+        self, centre: Array, half: Array, inside: Form | None = None
     ) -> tuple[Booleans, Array]:
         """Tell which boxes hold no common root, rounding included.
 
@@ -230,7 +290,7 @@ class Roots:
         if p > 1:
             trials += [(own, own.factors(rest)) for rest in (0.0 * own.rest, own.rest)]
         if inside is not None:
-            both = own.with_(inside)
+            both = own.with_(inside, half)
             for rest in (0.0 * both.rest, np.pad(own.rest, ((0, 0), (0, 1)))):
                 a = both.factors(rest)
                 a[:, p] = np.maximum(a[:, p], 0.0)
@@ -286,7 +346,7 @@ def prove(
         if tried >= most or half[now[0]].max() < NARROW:
             open_ = np.where(roots.relevant, centre[order], whole.start[of[order]])
             return Proof(min(max(float(away[now[0]]), 0.0), tubes.radius), open_, tried)
-        inside = _inside(tubes, centre[now], half[now], of[now])
+        inside = tubes.form(centre[now], half[now], of[now])
         older = age[now]
         free, taken, work = roots.tried(centre[now], half[now], older, inside)
         tried += work
@@ -302,19 +362,6 @@ def prove(
         away, of = np.append(away[later], d[near]), np.append(of[later], which[near])
         age = np.append(age[later], np.tile(older[~free], 2)[near])
     return Proof(tubes.radius, centre, tried)
-
-
-def _inside(tubes: Tubes, centre: Array, half: Array, of: Integers) -> Expansion:
-    """Expand u in boxes (m, n)."""
-    value, slope, bend, noise = tubes.form(centre, half, of)
-    return Expansion(
-        value[:, None],
-        (slope * half)[:, None],
-        (bend * half[:, :, None] * half[:, None])[:, None],
-        np.zeros((len(centre), 1, *(centre.shape[1],) * 3)),
-        np.zeros((len(centre), 1, centre.shape[1])),
-        noise[:, None],
-    )
 
 
 def halved(centre: Array, half: Array, taken: Array) -> tuple[Array, Array]:

@@ -9,14 +9,16 @@ contracted, the largest first; derivatives up to an order are carried along.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
-from spacearm.arrays import Array, Booleans, Integers
+from spacearm.arrays import Array, Booleans
+from spacearm.compiler.machine import processors
 from spacearm.polynomial.trig import TrigPolynomial, derivative_bounds
 from spacearm.polynomial.univariate import orders
 
@@ -229,39 +231,49 @@ class Jets:
 
 
 def stacked(polynomials: Sequence[Jets], Q: Array, order: int = 0) -> Jet:
-    """Evaluate c polynomials at Q (m, n): values (m, c), gradients (m, c, n), hessians, ...
-
-    Those of the same degrees are evaluated together.
-    """
-    (m, n), c = Q.shape, len(polynomials)
-    parts = [np.empty((m if e <= order else 0, c, n**e)) for e in range(4)]
-    alike: dict[tuple[int, ...], list[int]] = {}
-    for i, f in enumerate(polynomials):
-        alike.setdefault(f.polynomial.degrees, []).append(i)
-    for which in alike.values():
-        one = polynomials[which[0]]
-        tensors = np.array([polynomials[i].tensor for i in which])
-        step = max(1, BLOCK // max(1, tensors.size))
-        for first in range(0, m, step):
-            rows = slice(first, first + step)
-            partial = one.partials(tensors, Q[rows], order)
-            values = np.stack([*partial.values(), np.zeros_like(partial[()])], axis=-1)
-            for part, columns in zip(parts, _symmetric(tuple(partial), n, order), strict=False):
-                part[rows, which] = values[..., columns]
+    """Evaluate c polynomials at Q (m, n): values (m, c), gradients (m, c, n), hessians, ..."""
+    n, c = Q.shape[1], len(polynomials)
+    indices = [index for e in range(order + 1) for index in product(range(n), repeat=e)]
+    found = np.split(derivatives(polynomials, Q, indices), np.cumsum(n ** np.arange(order + 1)), 2)
+    parts = [found[e] if e <= order else np.empty((0, c, n**e)) for e in range(4)]
     return Jet(*(part.reshape(*part.shape[:2], *(n,) * e) for e, part in enumerate(parts)))
 
 
-@lru_cache(maxsize=256)
-def _symmetric(of: tuple[tuple[int, ...], ...], n: int, order: int) -> list[Integers]:
-    """Return, for the derivatives of each order, (n^e,) which partial derivative each one is.
+def derivatives(polynomials: Sequence[Jets], Q: Array, indices: Sequence[tuple[int, ...]]) -> Array:
+    """Compute derivatives (m, c, t) of c polynomials at Q (m, n).
 
-    Those that are none of them are the one after the last.
+    Those of the same degrees are evaluated together, blocks of points side by side.
+
+    Args:
+        polynomials: The polynomials.
+        Q: Where.
+        indices: The coordinates that each derivative is taken in; () of the value.
     """
-    places = {tuple(sorted(index)): i for i, index in enumerate(of)}
-    return [
-        np.array([places.get(tuple(sorted(i)), len(of)) for i in product(range(n), repeat=e)])
-        for e in range(order + 1)
-    ]
+    order = max(map(len, indices))
+    wanted = [tuple(sorted(index)) for index in indices]
+    found = np.empty((len(Q), len(polynomials), len(indices)))
+    alike: dict[tuple[int, ...], list[int]] = {}
+    for i, f in enumerate(polynomials):
+        alike.setdefault(f.polynomial.degrees, []).append(i)
+
+    def do(which: list[int], tensors: Array, rows: slice) -> None:
+        partial = polynomials[which[0]].partials(tensors, Q[rows], order)
+        places = {tuple(sorted(of)): i for i, of in enumerate(partial)}
+        values = np.stack([*partial.values(), np.zeros_like(partial[()])], axis=-1)
+        found[rows, which] = values[..., [places.get(of, len(places)) for of in wanted]]
+
+    work = []
+    for which in alike.values():
+        tensors = np.array([polynomials[i].tensor for i in which])
+        step = max(1, BLOCK // max(1, tensors.size))
+        work += [(which, tensors, slice(i, i + step)) for i in range(0, len(Q), step)]
+    if len(work) == len(alike):
+        for some in work:
+            do(*some)
+    else:
+        with ThreadPoolExecutor(processors()) as pool:
+            list(pool.map(do, *zip(*work, strict=True)))
+    return found
 
 
 class Pointwise:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import factorial
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import BPoly, PPoly
@@ -76,6 +77,22 @@ def foot(points: Array, x: Array) -> tuple[Array, int]:
     feet = start + t[:, None] * step
     i = int(np.linalg.norm(feet - x, axis=1).argmin())
     return feet[i], i
+
+
+class Form(NamedTuple):
+    """A quadratic function expanded at m points.
+
+    Attributes:
+        value: (m,) values.
+        slope: (m, n) gradients.
+        bend: (m, n, n) second derivatives.
+        noise: (m,) bounds of the rounding.
+    """
+
+    value: Array
+    slope: Array
+    bend: Array
+    noise: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,14 +172,11 @@ class Tubes:
         )
         return np.sqrt(np.maximum(least, 0.0)) * (1.0 - ROUNDING)
 
-    def form(self, centre: Array, half: Array, of: Integers) -> tuple[Array, Array, Array, Array]:
+    def form(self, centre: Array, half: Array, of: Integers) -> Form:
         """Expand u, which is not positive in a tube, at the centres of boxes (m, n).
 
         u is the square of the distance less that of the radius: from the nearer end where the box
         is beyond it, else from the straight line through both.
-
-        Returns:
-            Values (m,), gradients (m, n), second derivatives (m, n, n), rounding at most (m,).
         """
         step, x, n = self.step[of], centre - self.start[of], centre.shape[1]
         length, radius = (step**2).sum(axis=1), self.radius + self.slack[of]
@@ -175,4 +189,4 @@ class Tubes:
         turned = (form @ x[:, :, None])[:, :, 0]
         size = np.abs(self.start[of]).sum(axis=1) ** 2 + (centre**2).sum(axis=1)
         noise = 32.0 * n * EPS * ((x**2).sum(axis=1) + radius**2 + wide + length + size)
-        return (x * turned).sum(axis=1) - radius**2, 2.0 * turned, 2.0 * form, noise
+        return Form((x * turned).sum(axis=1) - radius**2, 2.0 * turned, 2.0 * form, noise)

@@ -45,16 +45,16 @@ from spacearm.singularities.nearest import NearestSearch
 from spacearm.singularities.polynomials import chart_of, minors_for_proofs
 
 #: How far before a singular configuration a side stops, as a share of the width of its joint, which
-#: counts as no less than so much.
-SHARE, LEAST_WIDTH = 0.004, 0.02
+#: counts as no less than so much; and how many times as far at most.
+SHARE, LEAST_WIDTH, MORE = 0.0085, 0.02, 1.15
 #: Cells, and random configurations, that are looked at together.
 BATCH = 512
 #: Clouds of configurations about a singular one, each half as wide, among which nearer ones are
 #: looked for.
 POLISHED = 14
-#: Starts of a search for singular configurations of several minors; searches in a slab, beside the
-#: first; steps of each.
-FEW, DESCENTS, DESCENT = 64, 6, 12
+#: Starts of a search for singular configurations of several minors, from cells and about one that
+#: was found, and in a whole slab; steps of each.
+FEW, MANY, DESCENT = 64, 256, 12
 #: Distance to first order up to which such a search has arrived.
 ON_THE_SET = 1e-9
 #: Half width of cells that are not halved.
@@ -502,7 +502,7 @@ class Growth:
         turn = np.inf if self.arm.slides[j] else TURN - self.extent[j, 1 - s]
         if here >= min(self.bound[side], turn):
             self.stopped[side] = ("turn" if here >= turn else "limit", None)
-        elif cap - here <= 2.0 * margin:
+        elif cap - here <= MORE * margin:
             self.stopped[side] = ("singular", root)
         elif step[side] < margin / 4.0 or self.cells >= self.effort.cells:
             self.stopped[side] = ("undecided", None)
@@ -570,7 +570,7 @@ class Growth:
         outer = np.array((low - self.clear, high + self.clear))
         half = 0.5 * (outer[1] - outer[0]) * (1.0 + ROUNDING)
         stack = [(outer.mean(axis=0)[None], half[None], np.zeros(1, dtype=int))]
-        looked, descents = 0, 0
+        looked = 0
         while stack:
             centre, half, age = stack.pop()
             if len(centre) > BATCH:
@@ -585,9 +585,9 @@ class Growth:
             if not len(centre):
                 continue
             root = None
-            if self.alone or (looked > BATCH and descents < DESCENTS):
-                smallest = np.argsort(half.max(axis=1))[: self.starts]
-                root, descents = self.crossing(low, high, side, centre[smallest]), descents + 1
+            if self.alone or looked > BATCH:
+                smallest = np.argsort(half.max(axis=1))[: BATCH if self.alone else FEW]
+                root = self.crossing(low, high, side, centre[smallest])
             narrow = half.max(axis=1).min() < NARROW
             if root is not None or looked >= self.effort.slab or narrow:
                 return False, root
@@ -620,7 +620,8 @@ class Growth:
         start, end = low - self.clear, high + self.clear
         for i in range(POLISHED):
             if X is None:
-                spread = self.rng.uniform(-0.5, 0.5, (self.starts, len(low))) * (end - start)
+                starts = BATCH if self.alone else FEW if i else MANY
+                spread = self.rng.uniform(-0.5, 0.5, (starts, len(low))) * (end - start)
                 middle = 0.5 * (start + end) if best is None else best
                 X = np.clip(middle + spread * 0.6**i, start, end)
             seen = [*self.roots_from(X, low, high, side, start, end)]
@@ -632,11 +633,6 @@ class Growth:
                 (end if side[1] else start)[side[0]] = best[side[0]]
             X = None
         return best
-
-    @property
-    def starts(self) -> int:
-        """How many configurations are looked at together for singular ones."""
-        return BATCH if self.alone else FEW
 
     def roots_from(
         self,
