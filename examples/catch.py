@@ -13,10 +13,11 @@ debris = sa.Target(
 )
 catch = sa.catch(start, debris, window=(10, 30), wanted=1)
 print(catch)
-runs = sa.fly_many(catch, sa.TargetErrors(delay=0.2), sampling=sa.Sampling(period=0.05, delay=0.05))
+runs = sa.fly_many(catch, sa.TargetErrors(delay=0.2), sampling=sa.Sampling(period=0.1, delay=0.1))
 print(runs)
 sa.plot(runs).savefig("catch.png")
 
-flight = catch.fly(debris.scaled(1.2, 0.9))  # it is heavier than planned with
+# it is heavier than planned with
+flight = catch.fly(debris.scaled(1.2, 0.9), integration=sa.Integration(rtol=1e-6, atol=1e-8))
 found = sa.identify(flight)
 print(f"it turns on at {np.degrees(np.linalg.norm(catch.tumble)):.3f} deg/s, and weighs", found)

@@ -19,7 +19,8 @@ way = held.plan(goal, constraints=sa.Constraints(obstacles=boom), search=sa.Sear
 print("planned:", way.reason)
 
 squeeze = {"left": (0, -20, 0, 0, 0, 0), "right": (0, 20, 0, 0, 0, 0)}
-run = held.simulate(sa.Tracking(way), way.t[-1], squeeze=squeeze)
+coarse = sa.Integration(rtol=1e-6, atol=1e-8)
+run = held.simulate(sa.Tracking(way), way.t[-1], squeeze=squeeze, integration=coarse)
 for tip, wrench in run.grasps.items():
     print(f"{tip}: up to {np.linalg.norm(wrench[:, :3], axis=1).max():.1f} N")
 print(f"grasps open by {run.gap.max():.0e} m at most")
