@@ -2,15 +2,18 @@
 
     python benchmarks/cold.py               # all of them
     python benchmarks/cold.py chaser7       # those with this word in their names
+    python benchmarks/cold.py README query  # the README's command of that name, in a new clone
 
 Every process finds empty folders of its own as home and as caches: nothing is compiled yet, no font
 is listed; only Python's bytecode is there. "warm" is the second process on the same folders, less
-the time of `import pinocchio`. Each figure is the shorter of two.
+the time of `import pinocchio`. Each figure is the shorter of two. The README's commands, query and
+test, find neither an environment nor downloaded packages; they take minutes, and run once.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -142,8 +145,27 @@ def swing() -> sa.Motion:
     return sa.Motion(cfg.arm, t, q, np.array([pin.SE3ToXYZQUAT(cfg.base) for cfg in cfgs]))
 
 
-def main(word: str = "") -> None:
-    """Print all starts with a word in their names."""
+def readme(name: str) -> None:
+    """Print how long a command of the README takes, installation included."""
+    source = Path(__file__).resolve().parents[1]
+    text = (source / "README.md").read_text(encoding="utf-8")
+    command = re.findall(rf"<!-- ci: {name} -->\n```sh\n(.*?)```", text, re.DOTALL)[0]
+    others = {k: v for k, v in os.environ.items() if k not in (*LEFT_OUT, "PYTHONPATH")}
+    with tempfile.TemporaryDirectory() as folder:
+        clone = Path(folder, "clone")
+        subprocess.run(["git", "clone", "--quiet", source, clone], check=True)
+        begun = time.perf_counter()
+        subprocess.run(
+            ["bash", "-euc", command], cwd=clone, env=others | {"HOME": folder}, check=True
+        )
+        print(f"README {name}: {time.perf_counter() - begun:.0f} s")
+
+
+def main(word: str = "", name: str = "query") -> None:
+    """Print all starts with a word in their names, or that of a command of the README."""
+    if word == "README":
+        readme(name)
+        return
     print(f"{'':38} {'clock':>8} {'goal':>8} {'ratio':>6} {'processors':>12}")
     for name in (name for name in STARTS if word in name):
         took, goal = min(start(name) for _ in range(2)), STARTS[name].goal
@@ -152,4 +174,4 @@ def main(word: str = "") -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:2])
+    main(*sys.argv[1:3])
