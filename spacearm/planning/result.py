@@ -312,7 +312,7 @@ class Plan(Drifting, kw_only=True):
         tried = [(a.method, "arrives" if a.arrived else "fails", a.story) for a in self.tried]
         return replace(
             motion,
-            verdict=f"planned by {self.method}: {self.travel}, {self.t[-1]:.4g} s{self._left_out}",
+            verdict=f"planned ({self.method}): {self.travel}, {self.t[-1]:.4g} s{self._left_out}",
             notes=[
                 *motion.notes,
                 self.checked,
