@@ -1,7 +1,7 @@
 """How much of the distance to the singular set is proven, and in which processor time.
 
 Usage: python benchmarks/proven_distance.py
-       python benchmarks/proven_distance.py boxes   # free boxes about postures within the limits
+       python benchmarks/proven_distance.py boxes [ARM ...]   # free boxes within the limits
 """
 
 import sys
@@ -15,8 +15,8 @@ POSTURES, BOXES = 20, 10
 
 
 def boxes() -> None:
-    rng = np.random.default_rng(0)
-    for name in ("mda6", "chaser7"):
+    for name in sys.argv[2:] or ("mda6", "chaser7"):
+        rng = np.random.default_rng(0)
         arm, spent, clock, gaps, undecided = sa.load(name), [], [], [0.0], 0
         low, high = np.clip((arm.lower, arm.upper), -np.pi, np.pi)
         for q in rng.uniform(low, high, (BOXES, arm.n)):

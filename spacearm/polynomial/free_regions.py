@@ -44,7 +44,7 @@ BATCH, LEAST, SPLIT = 512, 16, 50
 NARROW = 1e-7
 #: Share of all coefficients that the polynomials tried first have at most, and how often a box is
 #: halved with these alone before all are tried.
-SMALL, PATIENCE = 0.31, 2
+SMALL, PATIENCE = 0.31, 5
 #: Share of the squared slopes that is added to the small systems, which may be singular.
 RIDGE = 1e-14
 

@@ -80,6 +80,7 @@ def test_a_redundant_arm_has_a_box_whose_stops_are_singular():
     assert min(sa.singularity(arm.at(x)).sigma_min for x in inside(box, rng, 50)) > 0.0
     assert not any(map(box.contains, sa.singular_set(arm).sample(2000, rng)))
     assert any(stop.why == "singular" for stop in box.stops)
+    assert not any(stop.why == "undecided" for stop in box.stops)
     check_stops(box)
 
 
