@@ -15,12 +15,13 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, ArrayLike, Progress, generator
+from spacearm.closure import target_paths
 from spacearm.closure.closing import Closure, Gaps, anywhere, named, placed
 from spacearm.closure.held_report import ClosedMap, HeldReport, closed_map, held_report
-from spacearm.closure.regrasping import Regrasp, regrasp_target
-from spacearm.closure.target_paths import Carrying, FollowedTarget, Frame, follow_target
-from spacearm.closure.target_plans import TargetPlan, plan_target
-from spacearm.closure.target_runs import TargetRun, simulate_target
+from spacearm.closure.regrasping import Freed, Regrasp
+from spacearm.closure.target_paths import Carrying, FollowedTarget, Frame, TargetCurve
+from spacearm.closure.target_plans import TargetPlan, TargetTree
+from spacearm.closure.target_runs import Simulation, TargetRun
 from spacearm.collisions.obstacles import ObstacleLike
 from spacearm.collisions.separation import CollisionReport, contacts_of
 from spacearm.description.loops import chain_of, closed_chain
@@ -29,9 +30,10 @@ from spacearm.mechanics.target import Target
 from spacearm.model.arguments import FLOATING, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.frames import PoseLike, sound_pose
+from spacearm.model.joints import joint_vector
 from spacearm.model.task import ROWS, Task, with_length
+from spacearm.motion import following
 from spacearm.motion.controllers import Controller
-from spacearm.motion.following import Path
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import Integration, Plant
 from spacearm.planning.request import Constraints, Search
@@ -152,7 +154,7 @@ class Held(Result):
 
     def follow(
         self,
-        path: Path,
+        path: following.Path,
         *,
         frame: Frame = "inertial",
         mode: BaseMode = FLOATING,
@@ -194,10 +196,28 @@ class Held(Result):
             UnsupportedError: The fixed world is held, there is momentum and the path has no times,
                 or there are fewer joints than rows of all tips.
         """
-        return follow_target(
-            self.carrying, path, frame=frame, mode=mode, length=length, speed=speed, times=times,
-            at_rest=at_rest, rest=rest, limits=limits, progress=progress,
-        )  # fmt: skip
+        carrying, start, arm = self.carrying, self.carrying.start, self.carrying.arm
+        target_paths.check_chain(carrying, mode, limits, times is not None)
+        seen = target_paths.as_aim(carrying, start, frame)
+        pieces, pace, timed = following.path_pieces(seen, path, length, speed, times, at_rest)
+        inner = None if rest is None else joint_vector(arm, rest, "rest")
+
+        def curve(at: Configuration, piece: following.Segment) -> TargetCurve:
+            return TargetCurve(carrying, at, piece, mode, limits, frame, inner, 1.0 / pace)
+
+        led, last, place = following.rows_along(start, pieces, pace, curve, progress)
+        behind, whole = following.lengths_of(seen, led.s, pieces, timed)
+        return FollowedTarget(
+            t=led.s / pace,
+            s=behind,
+            length=whole,
+            ended=last.kind,
+            reason=following.how_it_ended(arm, place, behind[-1], whole, last, "target"),
+            dq=led.dq,
+            ddq=led.ddq,
+            jumps=led.jumps,
+            **target_paths.told(carrying, mode, led.rows),
+        )
 
     def plan(
         self,
@@ -234,10 +254,8 @@ class Held(Result):
             NoSolutionError: No way was found in time, or the start does not keep the constraints;
                 says what stopped most branches. `best` is the way that came nearest, if any did.
         """
-        return plan_target(
-            self.carrying, sound_pose(goal, "goal"), frame=frame, mode=mode,
-            constraints=constraints, search=search,
-        )  # fmt: skip
+        pose = sound_pose(goal, "goal")
+        return TargetTree(self.carrying, pose, frame, mode, constraints, search).plan()
 
     def simulate(
         self,
@@ -286,10 +304,8 @@ class Held(Result):
                 spacecraft has not.
             NoSolutionError: The step collapsed, or the balance of energy or momentum is off.
         """
-        return simulate_target(
-            self.carrying, controller, duration, dq=dq, squeeze=squeeze, bears=bears, plant=plant,
-            integration=integration, progress=progress,
-        )  # fmt: skip
+        run = Simulation(self.carrying, controller, squeeze, bears, plant, integration)
+        return run.run(duration, dq, progress)
 
     def regrasp(
         self,
@@ -328,11 +344,8 @@ class Held(Result):
             NoSolutionError: No way was found; says why, of the first postures that were tried.
             StoppedError: Ctrl-C.
         """
-        pose = _frame(self.target, tip, grasp)
-        return regrasp_target(
-            self.configuration, self.target, self.grasps, tip, pose,
-            approach=approach, closing=closing, constraints=constraints, search=search,
-        )  # fmt: skip
+        pose, here = _frame(self.target, tip, grasp), (self.configuration, self.target, self.grasps)
+        return Freed(*here, tip, approach, closing, constraints, search).regrasped(pose)
 
     def collision_check(
         self,

@@ -200,10 +200,14 @@ class Freed:
         target: The target, as it is held; None for the fixed world.
         grasps: What each tip holds.
         tip: The hand.
-        approach: (3,) the way of the hand as it closes in, its own axes [m].
-        closing: Mean speed of that [m/s].
+        approach: As of `Held.regrasp`; so are the others.
+        closing: Mean speed of the way in [m/s].
         constraints: What must hold.
         search: How to look.
+
+    Raises:
+        ConfigurationError: As `Held.regrasp` raises.
+        UnsupportedError: Likewise.
     """
 
     def __init__(
@@ -212,12 +216,14 @@ class Freed:
         target: Target | None,
         grasps: Mapping[str, pin.SE3],
         tip: str,
-        approach: Array,
+        approach: ArrayLike,
         closing: float,
         constraints: Constraints,
         search: Search,
     ) -> None:
-        self.tip, self.approach, self.closing = tip, approach, closing
+        self.all, self.target, self.grasps, self.tip = cfg, target, grasps, tip
+        self.approach = way_in(cfg, tip, approach)
+        self.closing = positive(closing, "closing", "speed [m/s]")
         self.search, self.account = search, SearchAccount(search.timeout, search.progress)
         keep = constraints.keep_attitude
         self.constraints = replace(constraints, keep_attitude=keep and keep / len(PARTS))
@@ -318,6 +324,29 @@ class Freed:
                 f"Held.plan{', or limits=False' * self.constraints.limits}"
             )
 
+    def regrasped(self, grasp: pin.SE3) -> Regrasp:
+        """Return the way to another grasp; results and errors as of `Held.regrasp`."""
+        cfg, target = self.all, self.target
+        frame = pin.SE3.Identity() if target is None else target.pose
+        back, way, close, tried = self.parts(cfg.base.actInv(frame * grasp))
+        moved = dict(zip(close.arm.joint_names, close.q[-1], strict=True))
+        held = zip(cfg.arm.joint_names, cfg.q, strict=True)
+        q = np.array([moved.get(name, x) for name, x in held])
+        last = close[-1].base
+        base = cfg.base if target is None else last
+        end = kinematics(cfg.arm, q, base).with_momentum(cfg.momentum).with_wheels(cfg.wheels)
+        return Regrasp(
+            target=target and target.replace(pose=last * cfg.base.actInv(target.pose)),
+            tip=self.tip,
+            grasps=MappingProxyType({**self.grasps, self.tip: grasp}),
+            back=back,
+            plan=way,
+            close=close,
+            end=end,
+            checked=close.checked if self.bodies is not None else "",
+            tried=tried,
+        )
+
     def parts(self, pose: pin.SE3) -> tuple[Plan, Plan, Plan, tuple[Attempt, ...]]:
         """Return the motions to another pose of the hand seen from the spacecraft, and attempts.
 
@@ -375,25 +404,17 @@ def freed(
     return one.at(q, base=cfg.base, wheels=cfg.wheels, momentum=momentum), links
 
 
-def regrasp_target(
-    cfg: Configuration,
-    target: Target | None,
-    grasps: Mapping[str, pin.SE3],
-    tip: str,
-    grasp: pin.SE3,
-    *,
-    approach: ArrayLike,
-    closing: float,
-    constraints: Constraints,
-    search: Search,
-) -> Regrasp:
-    """Let one hand regrasp; arguments, results and errors as of `Held.regrasp`."""
+def way_in(cfg: Configuration, tip: str, approach: ArrayLike) -> Array:
+    """Return the way (3,) of a hand as it closes in, its own axes [m].
+
+    Raises:
+        ConfigurationError: It is none, or leads out of the plane of a planar arm.
+    """
     require_known("tip", tip, cfg.arm.tips)
     if shape_of(approach) == ():
         approach = (0.0, 0.0, positive(approach, "approach", "distance [m]"))
     along = finite(approach, (3,), "approach", "[m], a distance or (3,) in the axes of the hand")
     positive(float(np.linalg.norm(along)), "length of approach", "distance [m]")
-    speed = positive(closing, "closing", "speed [m/s]")
     normal = cfg.arm.tree.plane_normal()
     if normal is not None:
         out = cfg.base.rotation[:, normal] @ cfg.tips[cfg.arm.tips.index(tip)].rotation @ along
@@ -402,24 +423,4 @@ def regrasp_target(
                 f"approach leads the hand out of the plane of {cfg.arm.name}; give it in the axes "
                 "of the hand, such as approach=(0.1, 0, 0)"
             )
-    search_for = Freed(cfg, target, grasps, tip, along, speed, constraints, search)
-    frame = pin.SE3.Identity() if target is None else target.pose
-    back, way, close, tried = search_for.parts(cfg.base.actInv(frame * grasp))
-    moved = dict(zip(close.arm.joint_names, close.q[-1], strict=True))
-    held = zip(cfg.arm.joint_names, cfg.q, strict=True)
-    q = np.array([moved.get(name, x) for name, x in held])
-    last = close[-1].base
-    base = cfg.base if target is None else last
-    end = kinematics(cfg.arm, q, base).with_momentum(cfg.momentum).with_wheels(cfg.wheels)
-    carried = target and target.replace(pose=last * cfg.base.actInv(target.pose))
-    return Regrasp(
-        target=carried,
-        tip=tip,
-        grasps=MappingProxyType({**grasps, tip: grasp}),
-        back=back,
-        plan=way,
-        close=close,
-        end=end,
-        checked=close.checked if search_for.bodies is not None else "",
-        tried=tried,
-    )
+    return along

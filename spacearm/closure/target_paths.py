@@ -11,7 +11,7 @@ tips i.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal, TypeAlias
@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Literal, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, ArrayLike
+from spacearm.arrays import Array
 from spacearm.closure.closing import Closure, Gaps, carried, closed_motions
 from spacearm.closure.held_report import closed_distances
 from spacearm.description.tree import Tree, free_name
@@ -28,7 +28,6 @@ from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.mechanics.target import Target
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
-from spacearm.model.joints import joint_vector
 from spacearm.motion import following
 from spacearm.motion import goal as goals
 from spacearm.motion.motion import carried_along, samples
@@ -275,45 +274,6 @@ def check_chain(carrying: Carrying, mode: BaseMode, limits: bool, timed: bool) -
             "that the target cannot follow any path; Held.report() tells how it can move"
         )
     following.check_start(cfg, mode, limits)
-
-
-def follow_target(
-    carrying: Carrying,
-    path: following.Path,
-    *,
-    frame: Frame,
-    mode: BaseMode,
-    length: float | None,
-    speed: float | None,
-    times: ArrayLike | None,
-    at_rest: bool,
-    rest: ArrayLike | None,
-    limits: bool,
-    progress: Callable[[float, float], object] | None,
-) -> FollowedTarget:
-    """Lead a held target along a path; arguments, results and errors as of `Held.follow`."""
-    start, arm = carrying.start, carrying.arm
-    check_chain(carrying, mode, limits, times is not None)
-    seen = as_aim(carrying, start, frame)
-    pieces, pace, timed = following.path_pieces(seen, path, length, speed, times, at_rest)
-    inner = None if rest is None else joint_vector(arm, rest, "rest")
-
-    def curve(at: Configuration, piece: following.Segment) -> TargetCurve:
-        return TargetCurve(carrying, at, piece, mode, limits, frame, inner, 1.0 / pace)
-
-    led, last, place = following.rows_along(start, pieces, pace, curve, progress)
-    behind, whole = following.lengths_of(seen, led.s, pieces, timed)
-    return FollowedTarget(
-        t=led.s / pace,
-        s=behind,
-        length=whole,
-        ended=last.kind,
-        reason=following.how_it_ended(arm, place, behind[-1], whole, last, "target"),
-        dq=led.dq,
-        ddq=led.ddq,
-        jumps=led.jumps,
-        **told(carrying, mode, led.rows),
-    )
 
 
 def told(carrying: Carrying, mode: BaseMode, rows: Sequence[Configuration]) -> dict[str, Any]:

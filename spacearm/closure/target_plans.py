@@ -20,16 +20,8 @@ import pinocchio as pin
 from scipy.special import betaincinv
 
 from spacearm.arrays import Array, generator
-from spacearm.closure.target_paths import (
-    BETWEEN,
-    Carrying,
-    FollowedTarget,
-    Frame,
-    TargetCurve,
-    as_aim,
-    check_chain,
-    told,
-)
+from spacearm.closure import target_paths
+from spacearm.closure.target_paths import BETWEEN, Carrying, FollowedTarget, Frame, TargetCurve
 from spacearm.collisions.obstacles import obstacles_of
 from spacearm.collisions.separation import Collisions, Contact, contacts_of
 from spacearm.collisions.swept_motion import Floating
@@ -122,10 +114,9 @@ class TargetTree:
         mode: What the spacecraft does.
         constraints: What must hold.
         search: How to look.
-        account: The time that it may take.
 
     Raises:
-        NoSolutionError: The start does not keep the constraints.
+        SpaceArmError: As `Held.plan` raises.
     """
 
     def __init__(
@@ -136,12 +127,24 @@ class TargetTree:
         mode: BaseMode,
         constraints: Constraints,
         search: Search,
-        account: SearchAccount,
     ) -> None:
-        self.carrying, self.goal, self.frame, self.mode = carrying, goal, frame, mode
-        self.constraints, self.account = constraints, account
-        self.rng, self.stops, self.contacts = generator(search.seed), Counter[str](), Counter[str]()
         arm, start = carrying.arm, carrying.start
+        if start.momentum.any() or start.wheels.any():
+            raise UnsupportedError(
+                "the start has momentum on board, and the spacecraft turns with time, which plans "
+                "of a held target do not reckon with; Held.follow(path, times=...) leads it along "
+                "corners"
+            )
+        if constraints.wheels is not None or search.method != "auto":
+            raise ConfigurationError(
+                "a held target is planned without limits of wheels, by one method; leave out "
+                "wheels= of Constraints and method= of Search"
+            )
+        target_paths.check_chain(carrying, mode, constraints.limits, False)
+        self.carrying, self.goal, self.frame, self.mode = carrying, goal, frame, mode
+        self.constraints = constraints
+        self.account = SearchAccount(float(search.timeout), search.progress)
+        self.rng, self.stops, self.contacts = generator(search.seed), Counter[str](), Counter[str]()
         bodies = Collisions(arm, obstacles_of(constraints.obstacles, arm), carrying.touching)
         self.bodies = bodies if constraints.collisions and bodies else None
         self.length = arm.task.length or 1.0
@@ -157,9 +160,67 @@ class TargetTree:
             raise NoSolutionError(
                 f"the start {STOPS[word][0]}{', '.join(('', *self.contacts))}; {STOPS[word][1]}"
             )
-        self.nodes = [Node(start, as_aim(carrying, start, frame).tip, -1)]
+        self.nodes = [Node(start, target_paths.as_aim(carrying, start, frame).tip, -1)]
         self.far = self.apart(self.nodes[0].pose, goal)
         self.nearest = 1.0
+
+    def plan(self) -> TargetPlan:
+        """Return the motion; errors as of `Held.plan`."""
+        why, best = "", None
+        try:
+            for way in self.ways():
+                found, why = self.flown(way)
+                if not why:
+                    return found
+                best = found
+        except TimeUpError as error:
+            why = f"{error}: {self.story}{f'; what was found {why}' * bool(why)}"
+        except KeyboardInterrupt:
+            self.account.end()
+            why = "stopped by Ctrl-C"
+        whose = self.carrying.arm.name
+        raise self.account.failure(f"{whose}: no way of the target to the goal; {why}", best)
+
+    def flown(self, way: Sequence[pin.SE3]) -> tuple[TargetPlan, str]:
+        """Lead the target along a way exactly; return the motion, and what it breaks."""
+        carrying, mode, constraints = self.carrying, self.mode, self.constraints
+        arm, start = carrying.arm, carrying.start
+        seen = target_paths.as_aim(carrying, start, self.frame)
+        pieces = following.segments(seen, way, None)
+
+        def curve(at: Configuration, piece: following.Segment) -> TargetCurve:
+            return TargetCurve(carrying, at, piece, mode, constraints.limits, self.frame)
+
+        led, last, place = following.rows_along(start, pieces, 1.0, curve, None)
+        t, rate, bend = resting(led.s, led.dq, pieces, constraints.joint_rates(arm))
+        behind, whole = following.lengths_of(seen, led.s, pieces, False)
+        kept = np.append(np.diff(t) > 0.0, True)  # of rows at the end of a piece the last one
+        dq = rate[:, None] * led.dq
+        ddq = rate[:, None] ** 2 * led.ddq + bend[:, None] * led.dq
+        rows = [cfg for cfg, keep in zip(led.rows, kept, strict=True) if keep]
+        plan = TargetPlan(
+            t=t[kept],
+            s=behind[kept],
+            length=whole,
+            ended=last.kind,
+            reason=following.how_it_ended(arm, place, behind[-1], whole, last, "target"),
+            dq=dq[kept],
+            ddq=ddq[kept],
+            clearance=self.clearance,
+            checked="" if self.bodies is None else self.bodies.account,
+            **target_paths.told(carrying, mode, rows),
+        )
+        if not plan.arrived:
+            return plan, f"ends on the way: {plan.reason}"
+        if plan.closure_distance.min() < self.clearance:
+            return plan, "comes nearer to a singular posture than the clearance"
+        most = constraints.keep_attitude
+        if most is not None and max(_turn(start, cfg) for cfg in rows) > most:
+            return plan, "turns the spacecraft too far"
+        met: Contact | None = None
+        if self.bodies is not None:
+            met = contacts_of(plan, constraints.obstacles, carrying.touching).contact
+        return plan, "" if met is None else str(met)
 
     def apart(self, a: pin.SE3, b: pin.SE3) -> float:
         """Return the length of the straight way between two poses [m]; turns count by the task."""
@@ -185,7 +246,9 @@ class TargetTree:
         """Lead the target straight to a pose; return the rows, and what stopped it, if anything."""
         self.account.check_time()
         rows = [cfg]
-        for piece in following.segments(as_aim(self.carrying, cfg, self.frame), [to], None):
+        for piece in following.segments(
+            target_paths.as_aim(self.carrying, cfg, self.frame), [to], None
+        ):
             curve = TargetCurve(self.carrying, cfg, piece, self.mode, False, self.frame)
             y = following.state_of(cfg, 0.0)
             for step in range(1, MOST_STEPS + 1):
@@ -238,7 +301,7 @@ class TargetTree:
         if word:
             self.stops[word] += 1
             rows = rows[:-1] or rows
-        pose = as_aim(self.carrying, rows[-1], self.frame).tip
+        pose = target_paths.as_aim(self.carrying, rows[-1], self.frame).tip
         if self.apart(self.nodes[node].pose, pose) < SHORT * self.far:
             return None
         self.nodes.append(Node(rows[-1], pose, node))
@@ -305,87 +368,6 @@ class TargetTree:
         counts += [f"most often {what}" for what, _ in self.contacts.most_common(1)]
         left = f"the nearest leaves {100.0 * self.nearest:.0f} % of the way"
         return f"{come}, {left}; {', '.join(counts)}. {_relax(self.stops.most_common(1)[0][0])}"
-
-
-def plan_target(
-    carrying: Carrying,
-    goal: pin.SE3,
-    *,
-    frame: Frame,
-    mode: BaseMode,
-    constraints: Constraints,
-    search: Search,
-) -> TargetPlan:
-    """Plan a motion of a held target; arguments, results and errors as of `Held.plan`."""
-    start = carrying.start
-    if start.momentum.any() or start.wheels.any():
-        raise UnsupportedError(
-            "the start has momentum on board, and the spacecraft turns with time, which plans of "
-            "a held target do not reckon with; Held.follow(path, times=...) leads it along corners"
-        )
-    if constraints.wheels is not None or search.method != "auto":
-        raise ConfigurationError(
-            "a held target is planned without limits of wheels, by one method; leave out wheels= "
-            "of Constraints and method= of Search"
-        )
-    check_chain(carrying, mode, constraints.limits, False)
-    account = SearchAccount(float(search.timeout), search.progress)
-    tree = TargetTree(carrying, goal, frame, mode, constraints, search, account)
-    why, best = "", None
-    try:
-        for way in tree.ways():
-            found, why = flown(tree, way)
-            if not why:
-                return found
-            best = found
-    except TimeUpError as error:
-        why = f"{error}: {tree.story}{f'; what was found {why}' * bool(why)}"
-    except KeyboardInterrupt:
-        account.end()
-        why = "stopped by Ctrl-C"
-    raise account.failure(f"{carrying.arm.name}: no way of the target to the goal; {why}", best)
-
-
-def flown(tree: TargetTree, way: Sequence[pin.SE3]) -> tuple[TargetPlan, str]:
-    """Lead the target along a way exactly; return the motion, and which constraint it breaks."""
-    carrying, mode, constraints = tree.carrying, tree.mode, tree.constraints
-    arm, start = carrying.arm, carrying.start
-    seen = as_aim(carrying, start, tree.frame)
-    pieces = following.segments(seen, way, None)
-
-    def curve(at: Configuration, piece: following.Segment) -> TargetCurve:
-        return TargetCurve(carrying, at, piece, mode, constraints.limits, tree.frame)
-
-    led, last, place = following.rows_along(start, pieces, 1.0, curve, None)
-    t, rate, bend = resting(led.s, led.dq, pieces, constraints.joint_rates(arm))
-    behind, whole = following.lengths_of(seen, led.s, pieces, False)
-    kept = np.append(np.diff(t) > 0.0, True)  # of rows at the end of a piece the last one
-    dq = rate[:, None] * led.dq
-    ddq = rate[:, None] ** 2 * led.ddq + bend[:, None] * led.dq
-    rows = [cfg for cfg, keep in zip(led.rows, kept, strict=True) if keep]
-    plan = TargetPlan(
-        t=t[kept],
-        s=behind[kept],
-        length=whole,
-        ended=last.kind,
-        reason=following.how_it_ended(arm, place, behind[-1], whole, last, "target"),
-        dq=dq[kept],
-        ddq=ddq[kept],
-        clearance=tree.clearance,
-        checked="" if tree.bodies is None else tree.bodies.account,
-        **told(carrying, mode, rows),
-    )
-    if not plan.arrived:
-        return plan, f"ends on the way: {plan.reason}"
-    if plan.closure_distance.min() < tree.clearance:
-        return plan, "comes nearer to a singular posture than the clearance"
-    most = constraints.keep_attitude
-    if most is not None and max(_turn(start, cfg) for cfg in rows) > most:
-        return plan, "turns the spacecraft too far"
-    met: Contact | None = None
-    if tree.bodies is not None:
-        met = contacts_of(plan, constraints.obstacles, carrying.touching).contact
-    return plan, "" if met is None else str(met)
 
 
 def resting(

@@ -251,31 +251,122 @@ class TargetRun(Trajectory, kw_only=True):
         return replace(motion, notes=notes, tables=[*motion.tables, gaps_table(self), table])
 
 
-class _Run:
+class Simulation:
     """The state y = (q, dq, spacecraft's place, quaternion and twist, works, wheels).
 
-    Works are that of the torques, that of all else, and all that came and went.
+    Works are that of the torques, that of all else, and all that came and went. Arguments and
+    errors are those of `Held.simulate`.
     """
 
     def __init__(
         self,
         carrying: Carrying,
         controller: Controller,
-        squeeze: Array | None,
-        bears: Array,
-        events: Sequence[str],
+        squeeze: Mapping[str, ArrayLike] | None,
+        bears: Sequence[float] | Mapping[str, Sequence[float]],
         plant: Plant,
+        integration: Integration,
     ) -> None:
-        self.carrying, self.controller, self.squeeze = carrying, controller, squeeze
-        self.bears, self.n = bears, carrying.arm.n
+        self.carrying, self.controller, self.n = carrying, controller, carrying.arm.n
+        self.asked, self.bears = bears, _borne(carrying.arm.tips, bears)
+        self.integration = integration
+        self.squeeze = None if squeeze is None else _squeeze(carrying, squeeze)
+        if plant.pushed:
+            raise UnsupportedError(
+                f"wrenches on {listed([link for link, *_ in plant.pushed])} are not simulated with "
+                "a held target; give wheels, passive and limits of the plant only"
+            )
         self.system = System(carrying.start, plant=plant)
         ready = prepared(self.system, trace=False)
         self.setup, shapes = ready.setup, ready.setup.plant_shapes(self.n)
         self.given = taken(ready.plant, shapes)
         self.capacity = self.given["capacity"] if self.setup.holds else np.full(1, np.inf)
-        known = {"joint limit": "joint limit" in events}
-        known["wheel full"] = "wheel full" in events and bool(np.isfinite(self.capacity).any())
-        self.events = ["grasp", *(kind for kind, looked_for in known.items() if looked_for)]
+        full = bool(np.isfinite(self.capacity).any())
+        known = {"joint limit", *["wheel full"] * full} & {*integration.events}
+        self.events = ["grasp", *sorted(known)]
+
+    def run(
+        self,
+        duration: float,
+        dq: ArrayLike | None,
+        progress: Callable[[float, float], object] | None,
+    ) -> TargetRun:
+        """Simulate; arguments, results and errors as of `Held.simulate`."""
+        arm, integration = self.carrying.arm, self.integration
+        duration = positive(duration, "duration", "time [s]")
+        y = self.start(np.zeros(arm.n) if dq is None else joint_vector(arm, dq, "dq"))
+        dt = integration.dt or duration / OUTPUTS
+        if dt > duration:
+            raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
+        times = np.append(dt * np.arange(math.ceil(duration / dt - 1e-9)), duration)
+        method: Callable[..., Any] = DOP853
+        solver = method(self.rate, 0.0, y, duration, rtol=integration.rtol, atol=integration.atol)
+        t, states, events, ended = [0.0], [y], list[Event](), "duration"
+        before = self.rooms(0.0, y)
+        if before[0] < 0.0:
+            raise ConfigurationError(
+                f"bears is {self.asked!r}, and more than that is borne at the start; squeeze "
+                "less, or give a larger force [N] and moment [N m]"
+            )
+        while solver.status == "running" and ended == "duration":
+            if failure := solver.step():
+                raise NoSolutionError(
+                    f"{arm.name}: the step collapsed at {solver.t:.4g} s: {failure}"
+                )
+            piece, end = solver.dense_output(), solver.t
+            after = self.rooms(end, solver.y)
+
+            def along(s: float, piece: Any = piece) -> Array:
+                return self.rooms(s, piece(s))
+
+            if fall := first_fall(along, before, after, solver.t_old, end):
+                end, kind = fall[0], self.events[fall[1]]
+                events.append(self.event(end, piece(end), kind))
+                ended = "grasp" if kind == "grasp" else ended
+                end = end if ended == "grasp" else solver.t
+            rows = times[(times > t[-1]) & (times <= end)].tolist()
+            rows += [end] if ended == "grasp" and (not rows or rows[-1] < end) else []
+            t += rows
+            states += [self.closed(piece(s)) for s in rows]
+            solver.y = self.closed(solver.y)
+            solver.f = self.rate(solver.t, solver.y)
+            before = after
+            if progress:
+                progress(float(solver.t), duration)
+        result = self._result(np.array(t), np.array(states), tuple(events), ended)
+        audit(result, result.drift, integration)
+        return result
+
+    def _result(self, t: Array, states: Array, events: tuple[Event, ...], ended: str) -> TargetRun:
+        """Return the run with these rows."""
+        carrying, n = self.carrying, self.n
+        arm, m = carrying.arm, len(t)
+        pairs = [self.parts(y) for y in states]
+        acting = [self.others(s, *pair) for s, pair in zip(t, pairs, strict=True)]
+        found = [self.state(s, *pair, others) for s, pair, (_, others)
+                 in zip(t, pairs, acting, strict=True)]  # fmt: skip
+        wrenches = np.array([one.wrenches for one in found])
+        rows: Any = [cfg for cfg, _ in pairs]
+        return TargetRun(
+            arm=arm,
+            t=t,
+            **samples(rows),
+            dq=states[:, n : 2 * n].copy(),
+            ddq=np.array([one.dv[6:] for one in found]),
+            torque=np.array([one.tau for one in found]),
+            momentum=np.array([cfg.A @ v + cfg.stored for cfg, v in pairs]),
+            impulse=np.zeros((m, 6)),
+            wheels=states[:, 2 * n + 16 :].copy(),
+            wheel_torque=np.array([taken_up for taken_up, _ in acting]),
+            energy=np.array([0.5 * v @ mass_matrix(cfg) @ v for cfg, v in pairs]),
+            work=states[:, 2 * n + 13].copy(),
+            other_work=states[:, 2 * n + 14].copy(),
+            exchanged=float(states[-1, 2 * n + 15]),
+            events=events,
+            ended=ended,
+            grasps={tip: wrenches[:, i].copy() for i, tip in enumerate(arm.tips)},
+            **carrying.account(rows),
+        )
 
     def start(self, dq: Array) -> Array:
         """Return the state at the start.
@@ -388,103 +479,6 @@ class _Run:
             return Event(t, kind, cfg.q, f"{arm.tips[tip]}: {load:.4g} {unit}")
         names = arm.joint_names if kind == "joint limit" else [wheel.name for wheel in arm.wheels]
         return Event(t, kind, cfg.q, names[first])
-
-
-def simulate_target(
-    carrying: Carrying,
-    controller: Controller,
-    duration: float,
-    *,
-    dq: ArrayLike | None,
-    squeeze: Mapping[str, ArrayLike] | None,
-    bears: Sequence[float] | Mapping[str, Sequence[float]],
-    plant: Plant,
-    integration: Integration,
-    progress: Callable[[float, float], object] | None,
-) -> TargetRun:
-    """Simulate arms that hold a target; arguments, results and errors as of `Held.simulate`."""
-    arm, duration = carrying.arm, positive(duration, "duration", "time [s]")
-    most = _borne(arm.tips, bears)
-    rates = np.zeros(arm.n) if dq is None else joint_vector(arm, dq, "dq")
-    wanted = None if squeeze is None else _squeeze(carrying, squeeze)
-    if plant.pushed:
-        raise UnsupportedError(
-            f"wrenches on {listed([link for link, *_ in plant.pushed])} are not simulated with a "
-            "held target; give wheels, passive and limits of the plant only"
-        )
-    run = _Run(carrying, controller, wanted, most, integration.events, plant)
-    y, dt = run.start(rates), integration.dt or duration / OUTPUTS
-    if dt > duration:
-        raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
-    times = np.append(dt * np.arange(math.ceil(duration / dt - 1e-9)), duration)
-    method: Callable[..., Any] = DOP853
-    solver = method(run.rate, 0.0, y, duration, rtol=integration.rtol, atol=integration.atol)
-    t, states, events, ended = [0.0], [y], list[Event](), "duration"
-    before = run.rooms(0.0, y)
-    if before[0] < 0.0:
-        raise ConfigurationError(
-            f"bears is {bears!r}, and more than that is borne at the start; squeeze less, or give "
-            "a larger force [N] and moment [N m]"
-        )
-    while solver.status == "running" and ended == "duration":
-        if failure := solver.step():
-            raise NoSolutionError(f"{arm.name}: the step collapsed at {solver.t:.4g} s: {failure}")
-        piece, end = solver.dense_output(), solver.t
-        after = run.rooms(end, solver.y)
-
-        def along(s: float, piece: Any = piece) -> Array:
-            return run.rooms(s, piece(s))
-
-        if fall := first_fall(along, before, after, solver.t_old, end):
-            end, kind = fall[0], run.events[fall[1]]
-            events.append(run.event(end, piece(end), kind))
-            ended = "grasp" if kind == "grasp" else ended
-            end = end if ended == "grasp" else solver.t
-        rows = times[(times > t[-1]) & (times <= end)].tolist()
-        rows += [end] if ended == "grasp" and (not rows or rows[-1] < end) else []
-        t += rows
-        states += [run.closed(piece(s)) for s in rows]
-        solver.y = run.closed(solver.y)
-        solver.f = run.rate(solver.t, solver.y)
-        before = after
-        if progress:
-            progress(float(solver.t), duration)
-    result = _result(run, np.array(t), np.array(states), tuple(events), ended)
-    audit(result, result.drift, integration)
-    return result
-
-
-def _result(run: _Run, t: Array, states: Array, events: tuple[Event, ...], ended: str) -> TargetRun:
-    """Return the rows of a run."""
-    carrying, n = run.carrying, run.n
-    arm, m = carrying.arm, len(t)
-    pairs = [run.parts(y) for y in states]
-    acting = [run.others(s, *pair) for s, pair in zip(t, pairs, strict=True)]
-    found = [run.state(s, *pair, others) for s, pair, (_, others)
-             in zip(t, pairs, acting, strict=True)]  # fmt: skip
-    energy = np.array([0.5 * v @ mass_matrix(cfg) @ v for cfg, v in pairs])
-    wrenches = np.array([one.wrenches for one in found])
-    closure: dict[str, Any] = {**carrying.account([cfg for cfg, _ in pairs])}
-    return TargetRun(
-        arm=arm,
-        t=t,
-        **samples([cfg for cfg, _ in pairs]),
-        dq=states[:, n : 2 * n].copy(),
-        ddq=np.array([one.dv[6:] for one in found]),
-        torque=np.array([one.tau for one in found]),
-        momentum=np.array([cfg.A @ v + cfg.stored for cfg, v in pairs]),
-        impulse=np.zeros((m, 6)),
-        wheels=states[:, 2 * n + 16 :].copy(),
-        wheel_torque=np.array([taken_up for taken_up, _ in acting]),
-        energy=energy,
-        work=states[:, 2 * n + 13].copy(),
-        other_work=states[:, 2 * n + 14].copy(),
-        exchanged=float(states[-1, 2 * n + 15]),
-        events=events,
-        ended=ended,
-        grasps={tip: wrenches[:, i].copy() for i, tip in enumerate(arm.tips)},
-        **closure,
-    )
 
 
 def _borne(tips: Sequence[str], bears: Sequence[float] | Mapping[str, Sequence[float]]) -> Array:

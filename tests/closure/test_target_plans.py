@@ -12,7 +12,6 @@ import spacearm as sa
 from spacearm.closure.target_paths import Carrying
 from spacearm.closure.target_plans import TargetTree, resting
 from spacearm.motion.following import segments
-from spacearm.planning.account import SearchAccount
 
 #: A search that ends by what it finds, however loaded the machine is.
 PATIENT = sa.Search(timeout=1e4, seed=2)
@@ -126,7 +125,7 @@ def test_what_stops_a_search_is_told():
     tree = TargetTree(
         Carrying(held.configuration, held.target, held.grasps),
         held.target.pose * sa.pose((far, 0, 0)), "inertial", "free-floating",
-        sa.Constraints(limits=False, keep_attitude=1e-9), PATIENT, SearchAccount(1e4),
+        sa.Constraints(limits=False, keep_attitude=1e-9), PATIENT,
     )  # fmt: skip
     assert not list(tree.landed(0))
     assert "1 turned the spacecraft too far. To relax: allow a larger keep_attitude" in tree.story
