@@ -15,11 +15,10 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, ArrayLike, Progress, generator
-from spacearm.closure import target_paths
 from spacearm.closure.closing import Closure, Gaps, anywhere, named, placed
 from spacearm.closure.held_report import ClosedMap, HeldReport, closed_map, held_report
 from spacearm.closure.regrasping import Freed, Regrasp
-from spacearm.closure.target_paths import Carrying, FollowedTarget, Frame, TargetCurve
+from spacearm.closure.target_paths import Carrying, FollowedTarget, Frame, TargetCurve, check_chain
 from spacearm.closure.target_plans import TargetPlan, TargetTree
 from spacearm.closure.target_runs import Simulation, TargetRun
 from spacearm.collisions.obstacles import ObstacleLike
@@ -196,28 +195,19 @@ class Held(Result):
             UnsupportedError: The fixed world is held, there is momentum and the path has no times,
                 or there are fewer joints than rows of all tips.
         """
-        carrying, start, arm = self.carrying, self.carrying.start, self.carrying.arm
-        target_paths.check_chain(carrying, mode, limits, times is not None)
-        seen = target_paths.as_aim(carrying, start, frame)
+        carrying, start = self.carrying, self.carrying.start
+        check_chain(carrying, mode, limits, times is not None)
+        seen = carrying.aim(start, frame)
         pieces, pace, timed = following.path_pieces(seen, path, length, speed, times, at_rest)
-        inner = None if rest is None else joint_vector(arm, rest, "rest")
+        inner = None if rest is None else joint_vector(carrying.arm, rest, "rest")
 
         def curve(at: Configuration, piece: following.Segment) -> TargetCurve:
             return TargetCurve(carrying, at, piece, mode, limits, frame, inner, 1.0 / pace)
 
-        led, last, place = following.rows_along(start, pieces, pace, curve, progress)
-        behind, whole = following.lengths_of(seen, led.s, pieces, timed)
-        return FollowedTarget(
-            t=led.s / pace,
-            s=behind,
-            length=whole,
-            ended=last.kind,
-            reason=following.how_it_ended(arm, place, behind[-1], whole, last, "target"),
-            dq=led.dq,
-            ddq=led.ddq,
-            jumps=led.jumps,
-            **target_paths.told(carrying, mode, led.rows),
+        led, told = following.told_along(
+            start, seen, pieces, pace, timed, curve, progress, "target"
         )
+        return FollowedTarget(mode=mode, **told, **carrying.told(mode, led.rows))
 
     def plan(
         self,

@@ -30,7 +30,6 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.motion import following
 from spacearm.motion import goal as goals
-from spacearm.motion.motion import carried_along, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.results import Cell, Description, Measure, Table
 
@@ -93,6 +92,17 @@ class Carrying:
         """Return the pose of the target in a configuration, inertial frame."""
         return cfg.tips[0] * self.grasps[0].inverse()
 
+    def aim(self, cfg: Configuration, frame: Frame) -> Configuration:
+        """Return a configuration whose tip is the target's frame, seen from a frame.
+
+        Raises:
+            ConfigurationError: There is no such frame.
+        """
+        if frame not in ("inertial", "spacecraft"):
+            raise ConfigurationError(unknown("frame", frame, ("inertial", "spacecraft")))
+        base = cfg.base if frame == "inertial" else pin.SE3.Identity()
+        return kinematics(self.of_target, cfg.q.copy(), base)
+
     def gaps(self, cfg: Configuration) -> Gaps:
         """Return how far tips are from their grasps at most."""
         return Gaps.of(cfg.tips, self.frame(cfg), self.grasps)
@@ -116,6 +126,11 @@ class Carrying:
         hands = {tree.body_of[tip] for tip in self.arm.tips}
         holding = {link for link in tree.links if tree.body_of[link] in hands}
         return [frozenset((a, b)) for a in self._parts for b in holding - self._parts]
+
+    def told(self, mode: BaseMode, rows: Sequence[Configuration]) -> dict[str, Array]:
+        """Return what rows tell of closure along a motion, by the fields of `FollowedTarget`."""
+        near = np.array([self.distance(cfg, mode) for cfg in rows])
+        return {"closure_distance": near, **self.account(rows)}
 
     def account(self, rows: Sequence[Configuration]) -> dict[str, Array]:
         """Return target, gap and gap_angle of the rows of a motion, by these names."""
@@ -243,18 +258,6 @@ class TargetCurve(following.TipCurve):
         return self.carrying.frame(cfg).translation
 
 
-def as_aim(carrying: Carrying, cfg: Configuration, frame: Frame) -> Configuration:
-    """Return a configuration whose tip is the target's frame, seen from a frame.
-
-    Raises:
-        ConfigurationError: There is no such frame.
-    """
-    if frame not in ("inertial", "spacecraft"):
-        raise ConfigurationError(unknown("frame", frame, ("inertial", "spacecraft")))
-    base = cfg.base if frame == "inertial" else pin.SE3.Identity()
-    return kinematics(carrying.of_target, cfg.q.copy(), base)
-
-
 def check_chain(carrying: Carrying, mode: BaseMode, limits: bool, timed: bool) -> None:
     """Refuse what cannot lead a target anywhere.
 
@@ -274,15 +277,3 @@ def check_chain(carrying: Carrying, mode: BaseMode, limits: bool, timed: bool) -
             "that the target cannot follow any path; Held.report() tells how it can move"
         )
     following.check_start(cfg, mode, limits)
-
-
-def told(carrying: Carrying, mode: BaseMode, rows: Sequence[Configuration]) -> dict[str, Any]:
-    """Return what rows tell by themselves of a motion with a held target, by its fields."""
-    return {
-        "arm": carrying.arm,
-        "mode": mode,
-        **samples(rows),
-        **carried_along(carrying.start, len(rows)),
-        "closure_distance": np.array([carrying.distance(cfg, mode) for cfg in rows]),
-        **carrying.account(rows),
-    }

@@ -20,8 +20,14 @@ import pinocchio as pin
 from scipy.special import betaincinv
 
 from spacearm.arrays import Array, generator
-from spacearm.closure import target_paths
-from spacearm.closure.target_paths import BETWEEN, Carrying, FollowedTarget, Frame, TargetCurve
+from spacearm.closure.target_paths import (
+    BETWEEN,
+    Carrying,
+    FollowedTarget,
+    Frame,
+    TargetCurve,
+    check_chain,
+)
 from spacearm.collisions.obstacles import obstacles_of
 from spacearm.collisions.separation import Collisions, Contact, contacts_of
 from spacearm.collisions.swept_motion import Floating
@@ -140,7 +146,7 @@ class TargetTree:
                 "a held target is planned without limits of wheels, by one method; leave out "
                 "wheels= of Constraints and method= of Search"
             )
-        target_paths.check_chain(carrying, mode, constraints.limits, False)
+        check_chain(carrying, mode, constraints.limits, False)
         self.carrying, self.goal, self.frame, self.mode = carrying, goal, frame, mode
         self.constraints = constraints
         self.account = SearchAccount(float(search.timeout), search.progress)
@@ -160,7 +166,7 @@ class TargetTree:
             raise NoSolutionError(
                 f"the start {STOPS[word][0]}{', '.join(('', *self.contacts))}; {STOPS[word][1]}"
             )
-        self.nodes = [Node(start, target_paths.as_aim(carrying, start, frame).tip, -1)]
+        self.nodes = [Node(start, carrying.aim(start, frame).tip, -1)]
         self.far = self.apart(self.nodes[0].pose, goal)
         self.nearest = 1.0
 
@@ -184,31 +190,26 @@ class TargetTree:
     def flown(self, way: Sequence[pin.SE3]) -> tuple[TargetPlan, str]:
         """Lead the target along a way exactly; return the motion, and what it breaks."""
         carrying, mode, constraints = self.carrying, self.mode, self.constraints
-        arm, start = carrying.arm, carrying.start
-        seen = target_paths.as_aim(carrying, start, self.frame)
+        start = carrying.start
+        seen = carrying.aim(start, self.frame)
         pieces = following.segments(seen, way, None)
 
         def curve(at: Configuration, piece: following.Segment) -> TargetCurve:
             return TargetCurve(carrying, at, piece, mode, constraints.limits, self.frame)
 
-        led, last, place = following.rows_along(start, pieces, 1.0, curve, None)
-        t, rate, bend = resting(led.s, led.dq, pieces, constraints.joint_rates(arm))
-        behind, whole = following.lengths_of(seen, led.s, pieces, False)
+        led, told = following.told_along(start, seen, pieces, 1.0, False, curve, what="target")
+        t, rate, bend = resting(led.s, led.dq, pieces, constraints.joint_rates(carrying.arm))
+        told |= {"t": t, "dq": rate[:, None] * led.dq, "jumps": ()}
+        told["ddq"] = rate[:, None] ** 2 * led.ddq + bend[:, None] * led.dq
         kept = np.append(np.diff(t) > 0.0, True)  # of rows at the end of a piece the last one
-        dq = rate[:, None] * led.dq
-        ddq = rate[:, None] ** 2 * led.ddq + bend[:, None] * led.dq
         rows = [cfg for cfg, keep in zip(led.rows, kept, strict=True) if keep]
+        told = {name: x[kept] if isinstance(x, np.ndarray) else x for name, x in told.items()}
         plan = TargetPlan(
-            t=t[kept],
-            s=behind[kept],
-            length=whole,
-            ended=last.kind,
-            reason=following.how_it_ended(arm, place, behind[-1], whole, last, "target"),
-            dq=dq[kept],
-            ddq=ddq[kept],
+            mode=mode,
             clearance=self.clearance,
             checked="" if self.bodies is None else self.bodies.account,
-            **target_paths.told(carrying, mode, rows),
+            **told,
+            **carrying.told(mode, rows),
         )
         if not plan.arrived:
             return plan, f"ends on the way: {plan.reason}"
@@ -246,9 +247,7 @@ class TargetTree:
         """Lead the target straight to a pose; return the rows, and what stopped it, if anything."""
         self.account.check_time()
         rows = [cfg]
-        for piece in following.segments(
-            target_paths.as_aim(self.carrying, cfg, self.frame), [to], None
-        ):
+        for piece in following.segments(self.carrying.aim(cfg, self.frame), [to], None):
             curve = TargetCurve(self.carrying, cfg, piece, self.mode, False, self.frame)
             y = following.state_of(cfg, 0.0)
             for step in range(1, MOST_STEPS + 1):
@@ -301,7 +300,7 @@ class TargetTree:
         if word:
             self.stops[word] += 1
             rows = rows[:-1] or rows
-        pose = target_paths.as_aim(self.carrying, rows[-1], self.frame).tip
+        pose = self.carrying.aim(rows[-1], self.frame).tip
         if self.apart(self.nodes[node].pose, pose) < SHORT * self.far:
             return None
         self.nodes.append(Node(rows[-1], pose, node))

@@ -406,17 +406,11 @@ class HandsApproach(Approach):
         for cfg, name in hands:
             poses, clock = self.path(t, name, cfg)
             segments.append(following.timed_curve(cfg, poses, clock, at_rest=False))
-        led, last, place = following.rows_along(
-            start, segments[:1], 1.0,
-            lambda at, _: HandsCurve(at, segments, self.constraints.limits), None,
+        _, told = following.told_along(
+            start, hands[0][0], segments[:1], 1.0, True,
+            lambda at, _: HandsCurve(at, segments, self.constraints.limits), what="first tip",
         )  # fmt: skip
-        behind, whole = following.lengths_of(hands[0][0], led.s, segments[:1], True)
-        chase = following.Followed(
-            arm=start.arm, t=led.s, **samples(led.rows), **carried_along(start, len(led.rows)),
-            s=behind, length=whole, ended=last.kind,
-            reason=following.how_it_ended(start.arm, place, behind[-1], whole, last, "first tip"),
-            dq=led.dq, ddq=led.ddq, jumps=led.jumps,
-        )  # fmt: skip
+        chase = following.Followed(**told)
         if not chase.arrived:
             raise NoSolutionError(f"on the way from the stand-off: {chase.reason}")
         return chase

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
@@ -515,24 +515,9 @@ def follow(
             "which the tip passes each corner"
         )
     check_start(cfg, mode, limits)
-    led, last, place = rows_along(
-        cfg, pieces, pace, lambda at, piece: TipCurve(at, piece, mode, limits), progress
-    )
-    behind, whole = lengths_of(cfg, led.s, pieces, timed)
-    return Followed(
-        arm=start.arm,
-        mode=mode,
-        t=led.s / pace,
-        **samples(led.rows),
-        **carried_along(cfg, len(led.rows)),
-        s=behind,
-        length=whole,
-        ended=last.kind,
-        reason=how_it_ended(start.arm, place, behind[-1], whole, last),
-        dq=led.dq,
-        ddq=led.ddq,
-        jumps=led.jumps,
-    )
+    curve = partial(TipCurve, mode=mode, limits=limits)
+    _, told = told_along(cfg, cfg, pieces, pace, timed, curve, progress)
+    return Followed(mode=mode, **told)
 
 
 def path_pieces(
@@ -625,6 +610,45 @@ def rows_along(
         tuple(jump for jump in jumps if np.abs(jump.change).max() > least),
     )
     return led, end, curve.place(led.rows[-1])
+
+
+def told_along(
+    cfg: Configuration,
+    seen: Configuration,
+    pieces: Sequence[Segment],
+    pace: float,
+    timed: bool,
+    curve_of: Callable[..., TipCurve],
+    progress: Callable[[float, float], object] | None = None,
+    what: str = "tip",
+) -> tuple[Led, dict[str, Any]]:
+    """Lead an arm along pieces; return its rows, and what they tell of `Followed` but the mode.
+
+    Args:
+        cfg: The configuration at the start.
+        seen: One whose tip is what is led, there.
+        pieces: The pieces.
+        pace: As of `rows_along`; so are the others.
+        timed: Whether the parameter of the pieces is time.
+        curve_of: Makes the curve of states along a piece.
+        progress: As in `follow`.
+        what: What is led, for the reason.
+    """
+    led, last, place = rows_along(cfg, pieces, pace, curve_of, progress)
+    behind, whole = lengths_of(seen, led.s, pieces, timed)
+    return led, {
+        "arm": cfg.arm,
+        "t": led.s / pace,
+        **samples(led.rows),
+        **carried_along(cfg, len(led.rows)),
+        "s": behind,
+        "length": whole,
+        "ended": last.kind,
+        "reason": how_it_ended(cfg.arm, place, behind[-1], whole, last, what),
+        "dq": led.dq,
+        "ddq": led.ddq,
+        "jumps": led.jumps,
+    }
 
 
 def lengths_of(
