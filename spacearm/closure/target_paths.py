@@ -127,12 +127,12 @@ class Carrying:
         holding = {link for link in tree.links if tree.body_of[link] in hands}
         return [frozenset((a, b)) for a in self._parts for b in holding - self._parts]
 
-    def told(self, mode: BaseMode, rows: Sequence[Configuration]) -> dict[str, Array]:
+    def told(self, mode: BaseMode, rows: Sequence[Configuration]) -> dict[str, Any]:
         """Return what rows tell of closure along a motion, by the fields of `FollowedTarget`."""
         near = np.array([self.distance(cfg, mode) for cfg in rows])
         return {"closure_distance": near, **self.account(rows)}
 
-    def account(self, rows: Sequence[Configuration]) -> dict[str, Array]:
+    def account(self, rows: Sequence[Configuration]) -> dict[str, Any]:
         """Return target, gap and gap_angle of the rows of a motion, by these names."""
         off = np.array([self.gaps(cfg) for cfg in rows])
         return {
