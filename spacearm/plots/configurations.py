@@ -54,22 +54,19 @@ def draw_configuration(
     return axes
 
 
-@style.draws(Held, HeldReport)
-def draw_held(result: Held | HeldReport, ax: Any) -> Any:
+@style.draws(Held, HeldReport, size=SIZE, spatial=lambda result: not in_plane(result.configuration))
+def draw_held(result: Held | HeldReport, axes: Any) -> None:
     """Draw the arms and what they hold.
 
     Args:
         result: A closed posture, or a report of one.
-        ax: Matplotlib axes to draw into, three-dimensional ones for spatial arms; None for a new
-            figure.
+        axes: Where they are drawn.
     """
     cfg = result.configuration
-    axes = style.axes_for(ax, *SIZE, spatial=not in_plane(cfg))
     if result.target is not None:
         draw_target(axes, result.target, _rows(cfg) if in_plane(cfg) else (0, 1, 2))
     draw_posture(axes, cfg)
     style.entitle(axes, result.describe().headline)
-    return axes
 
 
 @style.draws(SpaceArm)
@@ -148,21 +145,19 @@ def draw_uncertain(result: UncertainArm, ax: Any) -> Any:
     return draw_arm(result.arm, ax)
 
 
-@style.draws(VirtualManipulator)
-def draw_virtual_manipulator_alone(result: VirtualManipulator, ax: Any) -> Any:
+@style.draws(
+    VirtualManipulator, size=SIZE, spatial=lambda result: len(style.flat_rows(result.points)) == 3
+)
+def draw_virtual_manipulator_alone(result: VirtualManipulator, axes: Any) -> None:
     """Draw the chain of constant links from the system CM to the tip.
 
     Args:
         result: The Virtual Manipulator.
-        ax: Matplotlib axes to draw into, three-dimensional ones unless all links lie in a plane;
-            None for a new figure.
+        axes: Where it is drawn.
     """
-    rows = style.flat_rows(result.points)
-    axes = style.axes_for(ax, *SIZE, spatial=len(rows) == 3)
-    _draw_chain(axes, result, rows)
+    _draw_chain(axes, result, style.flat_rows(result.points))
     lengths = ", ".join(f"{x:.3g}" for x in np.linalg.norm(result.links, axis=1))
     style.entitle(axes, f"Virtual Manipulator: links of {lengths} m")
-    return axes
 
 
 @style.draws(Barycentric)
@@ -223,21 +218,20 @@ def draw_region(result: Region, ax: Any) -> Any:
     return axes
 
 
-@style.draws(NearestSingular)
-def draw_nearest(result: NearestSingular, ax: Any) -> Any:
+@style.draws(
+    NearestSingular, size=SIZE, spatial=lambda result: not in_plane(result.arm.at(result.q))
+)
+def draw_nearest(result: NearestSingular, axes: Any) -> None:
     """Draw the posture and, in red, the nearest singular one that was found.
 
     Args:
         result: The answer of `SingularSet.nearest`.
-        ax: Matplotlib axes to draw into, three-dimensional ones for a spatial arm; None for a new
-            figure.
+        axes: Where it is drawn.
     """
     cfg, singular = (result.arm.at(q) for q in (result.start, result.q))
-    axes = style.axes_for(ax, *SIZE, spatial=not in_plane(cfg))
     draw_posture(axes, cfg)
     draw_posture(axes, singular, color=style.RED, label=False)
     style.entitle(axes, f"{result.arm.name}, {result.mode}\n{result.describe().verdict}")
-    return axes
 
 
 def _draw_chain(axes: Any, chain: VirtualManipulator, rows: tuple[int, ...]) -> None:

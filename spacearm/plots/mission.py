@@ -196,21 +196,18 @@ def _draw_directions(axes: Any, result: FeasibleAttitudes) -> None:
     )
 
 
-@style.draws(LevelReach)
-def draw_level(result: LevelReach, ax: Any) -> Any:
+@style.draws(LevelReach, size=(6.8, 6.2), spatial=lambda result: result.axis is None)
+def draw_level(result: LevelReach, axes: Any) -> None:
     """Draw where the tip can go with a level spacecraft.
 
     Args:
         result: The reach.
-        ax: Matplotlib axes to draw into, three-dimensional ones for a spatial arm; None for a new
-            figure.
+        axes: Where it is drawn.
     """
-    spatial = result.axis is None
-    axes = style.axes_for(ax, 6.8, 6.2, spatial=spatial)
     rows = [i for i in range(3) if i != result.axis]
     ends = (result.tip + result.straight[:, None] * result.direction)[:, rows]
     cells = result.point[1:, rows]
-    if spatial:
+    if result.axis is None:
         axes.scatter(*ends.T, color=style.BLUE, s=6, label="straight lines end")
     else:
         axes.fill(*ends.T, color=style.BLUE, alpha=0.35, label="straight lines")
@@ -224,7 +221,6 @@ def draw_level(result: LevelReach, ax: Any) -> Any:
         f"{result.arm.name}: the tip, the spacecraft turned by at most "
         f"{np.degrees(result.tilt):.3g}°\nfrom the system CM",
     )
-    return axes
 
 
 @style.draws(LevelEnvelope, size=(10.0, 4.4), panels=lambda whole: whole.subplots(1, 2))

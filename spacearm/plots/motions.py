@@ -295,22 +295,20 @@ def _solids_of(obstacle: Obstacle, t: float, along: Array) -> list[tuple[Array, 
     ]
 
 
-@style.draws(Target, Obstacle)
-def draw_alone(thing: Target | Obstacle, ax: Any) -> Any:
+@style.draws(Target, Obstacle, size=(6.4, 5.6), spatial=lambda _: True)
+def draw_alone(thing: Target | Obstacle, axes: Any) -> None:
     """Draw a target or an obstacle where it is at time 0, in inertial axes.
 
     Args:
         thing: The target or the obstacle.
-        ax: Three-dimensional Matplotlib axes to draw into; None for a new figure.
+        axes: Where it is drawn, three-dimensional ones.
     """
-    axes = style.axes_for(ax, 6.4, 5.6, spatial=True)
     if isinstance(thing, Target):
         draw_target(axes, thing, (0, 1, 2))
     else:
         draw_solids(axes, _solids_of(thing, 0.0, np.eye(3)), (0, 1, 2), 1.0)
     style.equal_axes(axes)
     style.entitle(axes, f"{thing.name} at 0 s")
-    return axes
 
 
 @style.draws(CollisionReport, size=(7.0, 4.0))

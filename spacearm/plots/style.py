@@ -69,6 +69,7 @@ def draws(
     *kinds: type,
     size: tuple[float, float] | None = None,
     panels: Callable[[Any], Sequence[Any]] | None = None,
+    spatial: Callable[[Any], bool] = lambda _: False,
 ) -> Callable[[F], F]:
     """Make a function what draws kinds of results, in the style of the project.
 
@@ -77,6 +78,7 @@ def draws(
         size: Width and height of a new figure [inch] for a function that is given where it draws;
             None for one that is given what the caller gave, and returns its first panel.
         panels: Makes the panels in a figure or subfigure; None for one panel.
+        spatial: Whether the one panel is three-dimensional for a result.
     """
 
     def register(draw: F) -> F:
@@ -85,7 +87,8 @@ def draws(
             with style():
                 if size is None:
                     return draw(thing, ax, **options).figure
-                where = panels_for(ax, panels, *size)[1] if panels else [axes_for(ax, *size)]
+                alone = None if panels else axes_for(ax, *size, spatial=spatial(thing))
+                where = panels_for(ax, panels, *size)[1] if panels else [alone]
                 draw(thing, where if panels else where[0], **options)
                 return where[0].figure
 
