@@ -13,16 +13,8 @@ import typer
 import spacearm as sa
 from spacearm.arrays import Array
 from spacearm.cli import options as opt
+from spacearm.cli import questions
 from spacearm.cli.output import Answer, err, working
-from spacearm.cli.questions import (
-    With,
-    constraints_of,
-    goal_in,
-    obstacle_of,
-    question,
-    search_of,
-    start_of,
-)
 from spacearm.cli.wording import INTERRUPTED, in_own_words
 from spacearm.collisions.obstacles import obstacles_of
 from spacearm.errors import listed
@@ -51,7 +43,7 @@ def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Ca
         attitude: opt.Attitude = None,
         mode: opt.MaybeMode = None,
         fastest: bool = False,
-        more: With = None,
+        more: questions.With = None,
         save: opt.Save = None,
         deg: bool = False,
     ) -> Answer:
@@ -66,11 +58,11 @@ def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Ca
             fastest: Fly it as fast as effort and velocity limits allow; needs toppra.
             save (NPZ): Write the plan; where none is found, the best attempt.
         """
-        asked = question(more, *KEYS, *more_keys, mode=mode)
-        start = start_of(arm, asked, q, attitude, deg)
+        asked = questions.question(more, *KEYS, *more_keys, mode=mode)
+        start = questions.start_of(arm, asked, q, attitude, deg)
         target = _goal(arm, goal, asked, deg)
-        constraints = constraints_of(asked.inner("constraints"))
-        around = tuple(obstacle_of(text, deg) for text in obstacle or ())
+        constraints = questions.constraints_of(asked.inner("constraints"))
+        around = tuple(questions.obstacle_of(text, deg) for text in obstacle or ())
         kept = obstacles_of(constraints.obstacles, arm)
         constraints = replace(constraints, obstacles=(*kept, *around))
         try:
@@ -79,7 +71,7 @@ def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Ca
                     start,
                     target,
                     constraints=constraints,
-                    search=search_of(arm, asked.inner("search"), progress),
+                    search=questions.search_of(arm, asked.inner("search"), progress),
                     **_options(arm, asked),
                 )
             if fastest:
@@ -116,7 +108,7 @@ def _goal(
     if not texts:
         if "goal" not in asked.values:
             raise sa.ConfigurationError("there is no goal; give --goal X1 X2 ..., or one in a file")
-        return goal_in(arm, asked, "goal")
+        return questions.goal_in(arm, asked, "goal")
     if len(texts) == 1 and "=" not in texts[0]:
         return opt.goal_from(arm, "--goal", texts[0], deg)
     pairs = [text.partition("=") for text in texts]
@@ -136,7 +128,8 @@ def _options(arm: sa.SpaceArm, asked: Table) -> dict[str, Any]:
         options["final_attitude"] = sa.pose(rpy=asked.values["final_attitude"])
     if "via" in asked.values:
         options["via"] = [
-            goal_in(arm, Table("--with", {"via": one}), "via") for one in asked.take("via", list)
+            questions.goal_in(arm, Table("--with", {"via": one}), "via")
+            for one in asked.take("via", list)
         ]
     return options
 
@@ -180,7 +173,7 @@ def follow_path(
     path: Path | None = None,
     attitude: opt.Attitude = None,
     mode: opt.MaybeMode = None,
-    more: With = None,
+    more: questions.With = None,
     deg: bool = False,
 ) -> Answer:
     """Lead the tip along a path from a CSV file.
@@ -197,8 +190,8 @@ def follow_path(
     """
     if path is None:
         raise sa.ConfigurationError("there is no path; give --path FILE, a CSV file")
-    asked = question(more, "start", *FOLLOWED, mode=mode)
-    start = start_of(arm, asked, q, attitude, deg)
+    asked = questions.question(more, "start", *FOLLOWED, mode=mode)
+    start = questions.start_of(arm, asked, q, attitude, deg)
     times, corners = _corners(arm, path, deg)
     with working("following") as progress:
         found = sa.follow(start, corners, times=times, progress=progress, **asked.some(*FOLLOWED))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from spacearm import results
 from spacearm.arrays import Array, Progress
 from spacearm.closure.closing import ClosedMotions, Closure, closed_motions, named, placed
 from spacearm.description.loops import balls
@@ -24,16 +25,6 @@ from spacearm.mechanics.target import Target
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_scales
-from spacearm.results import (
-    Cell,
-    Column,
-    Description,
-    Measure,
-    Result,
-    Table,
-    joint_measures,
-    without_noise,
-)
 from spacearm.singularities.nearest import angle, nearness
 from spacearm.singularities.report import FAR, Kind, singularity
 from spacearm.singularities.rounding import error_bars
@@ -53,7 +44,7 @@ OPEN = 1e-9
 MOST_POINTS = 401
 
 
-class HeldReport(Result):
+class HeldReport(results.Result):
     """What the hands can do to what they hold, from `Held.report`.
 
     Directions are given in the task's rows as in `SingularityReport`: those of the twist of the
@@ -139,23 +130,23 @@ class HeldReport(Result):
 
     not_checked = "collisions, and forces of the grasps"
 
-    def describe(self) -> Description:
+    def describe(self) -> results.Description:
         """Describe verdict, directions of what is held, and joint motions."""
         arm, what = self.configuration.arm, _moved(self.target)
-        columns: dict[Column | str, Any] = {
-            "joint": arm.joint_names, "q": joint_measures(self.configuration.q, arm.slides)
+        columns: dict[results.Column | str, Any] = {
+            "joint": arm.joint_names, "q": results.joint_measures(self.configuration.q, arm.slides)
         }  # fmt: skip
         if self.nearest is not None:
-            columns["nearest singular"] = joint_measures(self.nearest, arm.slides)
+            columns["nearest singular"] = results.joint_measures(self.nearest, arm.slides)
         motions = {"away": self.away} if self.away.any() else {}
         motions |= {f"internal {i}": m for i, m in enumerate(self.internal.T, 1)}
-        columns |= {name: without_noise(motion) for name, motion in motions.items()}
+        columns |= {name: results.without_noise(motion) for name, motion in motions.items()}
         moved = self.target.pose if self.target else self.configuration.base
-        facts: dict[str, Cell] = {
-            f"place of {what}": Measure(moved.translation, "m"),
-            "roll, pitch, yaw": Measure(pin.rpy.matrixToRpy(moved.rotation), "rad"),
+        facts: dict[str, results.Cell] = {
+            f"place of {what}": results.Measure(moved.translation, "m"),
+            "roll, pitch, yaw": results.Measure(pin.rpy.matrixToRpy(moved.rotation), "rad"),
             f"directions of {what}": f"{self.available.shape[1]} of {len(self.lost)}",
-            "manipulability": Measure(self.manipulability, "", ".6g"),
+            "manipulability": results.Measure(self.manipulability, "", ".6g"),
         }
         if self.distance_proven:
             facts["singular posture, closed or not, proven"] = (
@@ -165,11 +156,11 @@ class HeldReport(Result):
         directions = np.hstack((self.available, self.lost)).T
         moves = self.available.shape[1]
         rows = [
-            ("available" if i < moves else "lost", sigma[i], *without_noise(direction))
+            ("available" if i < moves else "lost", sigma[i], *results.without_noise(direction))
             for i, direction in enumerate(directions)
         ]
         lost = f"; {what} cannot move in {len(self.lost) - moves} of {len(self.lost)} directions"
-        return Description(
+        return results.Description(
             title=f"{arm.name} holding {named(self.target)}, {self.mode}",
             verdict=self.verdict + lost * (moves < len(self.lost)),
             tone="good" if self.kind == "regular" else "bad",
@@ -179,11 +170,15 @@ class HeldReport(Result):
             ]
             * (self.target is not None),
             tables=[
-                Table.facts(facts),
-                Table(
-                    ["", Column("sigma", "", ".4g"), *arm.task.rows], rows, f"Directions of {what}"
+                results.Table.facts(facts),
+                results.Table(
+                    ["", results.Column("sigma", "", ".4g"), *arm.task.rows],
+                    rows,
+                    f"Directions of {what}",
                 ),
-                Table.by_columns(columns, "Posture; joint motions that keep the grasps closed"),
+                results.Table.by_columns(
+                    columns, "Posture; joint motions that keep the grasps closed"
+                ),
             ],
         )
 
@@ -293,7 +288,7 @@ def _moved(target: Target | None) -> str:
     return target.name if target else "the spacecraft"
 
 
-class ClosedMap(Result):
+class ClosedMap(results.Result):
     """Distances to singular postures over two directions of what is held, from `Held.map`.
 
     Attributes:
@@ -320,21 +315,21 @@ class ClosedMap(Result):
 
     not_checked = "collisions, and postures to which what is held does not lead along this grid"
 
-    def describe(self) -> Description:
+    def describe(self) -> results.Description:
         """Describe how much of the grid is closed, and the least distance on it."""
         arm = self.configuration.arm
         there = np.isfinite(self.sigma_min)
         least = float(np.min(self.distance, initial=np.inf, where=there))
         facts = {
-            f"moved along {axis}": Measure(moves[[0, -1]], "m" if len(axis) == 1 else "rad")
+            f"moved along {axis}": results.Measure(moves[[0, -1]], "m" if len(axis) == 1 else "rad")
             for axis, moves in zip(self.axes, self.moves, strict=True)
         }
-        facts["least distance, to first order"] = Measure(least, "rad")
-        return Description(
+        facts["least distance, to first order"] = results.Measure(least, "rad")
+        return results.Description(
             title=f"{arm.name} holding {named(self.target)}, {self.mode}: over "
             f"{' and '.join(self.axes)}",
             verdict=f"{100.0 * there.mean():.3g} % of the grid closes",
-            tables=[Table.facts(facts)],
+            tables=[results.Table.facts(facts)],
         )
 
 

@@ -20,14 +20,8 @@ import pinocchio as pin
 from scipy.special import betaincinv
 
 from spacearm.arrays import Array, generator
-from spacearm.closure.target_paths import (
-    BETWEEN,
-    Carrying,
-    FollowedTarget,
-    Frame,
-    TargetCurve,
-    check_chain,
-)
+from spacearm.closure import target_paths
+from spacearm.closure.target_paths import Carrying, FollowedTarget, Frame, TargetCurve
 from spacearm.collisions.obstacles import obstacles_of
 from spacearm.collisions.separation import Collisions, Contact, contacts_of
 from spacearm.collisions.swept_motion import Floating
@@ -81,7 +75,7 @@ class TargetPlan(FollowedTarget, kw_only=True):
     @property
     def not_checked(self) -> str:
         """What the answer does not cover."""
-        return "collisions; " * (not self.checked) + BETWEEN
+        return "collisions; " * (not self.checked) + target_paths.BETWEEN
 
     def describe(self) -> Description:
         """Describe the motion, and what was checked of it at the rows and between them."""
@@ -146,7 +140,7 @@ class TargetTree:
                 "a held target is planned without limits of wheels, by one method; leave out "
                 "wheels= of Constraints and method= of Search"
             )
-        check_chain(carrying, mode, constraints.limits, False)
+        target_paths.check_chain(carrying, mode, constraints.limits, False)
         self.carrying, self.goal, self.frame, self.mode = carrying, goal, frame, mode
         self.constraints = constraints
         self.account = SearchAccount(float(search.timeout), search.progress)

@@ -35,15 +35,8 @@ from spacearm.errors import (
     listed,
     require_known,
 )
+from spacearm.mechanics import dynamics
 from spacearm.mechanics.arm_kernels import structure_of
-from spacearm.mechanics.dynamics import (
-    M_BB,
-    bias_forces,
-    generalized_velocity,
-    mass_matrix,
-    motor_reactions,
-    solve,
-)
 from spacearm.model.arm import Configuration, kinematics
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
@@ -92,8 +85,8 @@ def onto_closure(cfg: Configuration, v: Array) -> Array:
 
     Impulses of the grasps lead there: momentum stays.
     """
-    C, M = closure_rows(cfg), mass_matrix(cfg)
-    X = solve(cfg.arm, M, C.T, M_BB)
+    C, M = closure_rows(cfg), dynamics.mass_matrix(cfg)
+    X = dynamics.solve(cfg.arm, M, C.T, dynamics.M_BB)
     return v - X @ np.linalg.lstsq(C @ X, C @ v, rcond=ROUNDING)[0]
 
 
@@ -117,7 +110,7 @@ def closed_state(
         others: (6 + n,) generalized forces of all else that acts; None for none.
     """
     arm, tips = cfg.arm, cfg.tips
-    M, c, C = mass_matrix(cfg), bias_forces(cfg, v, None), closure_rows(cfg)
+    M, c, C = dynamics.mass_matrix(cfg), dynamics.bias_forces(cfg, v, None), closure_rows(cfg)
     drift = _drift(cfg, v)
     first, *twists = np.split(cfg.J @ v, len(tips))
     spin, grasp = first[3:], carrying.frame(cfg)
@@ -131,7 +124,7 @@ def closed_state(
             drift[i] - carried(lever) @ drift[0] - turning + 2.0 * PULL * opens + PULL**2 * open_
         )
     force = np.concatenate((np.zeros(6), tau)) - c + (0.0 if others is None else others)
-    X = solve(arm, M, np.column_stack((C.T, force)), M_BB)
+    X = dynamics.solve(arm, M, np.column_stack((C.T, force)), dynamics.M_BB)
     X, free = X[:, :-1], X[:, -1]
     impulse = -np.linalg.lstsq(C @ X, np.concatenate(bias) + C @ free, rcond=ROUNDING)[0]
     dv = free + X @ impulse
@@ -358,7 +351,7 @@ class Simulation:
             impulse=np.zeros((m, 6)),
             wheels=states[:, 2 * n + 16 :].copy(),
             wheel_torque=np.array([taken_up for taken_up, _ in acting]),
-            energy=np.array([0.5 * v @ mass_matrix(cfg) @ v for cfg, v in pairs]),
+            energy=np.array([0.5 * v @ dynamics.mass_matrix(cfg) @ v for cfg, v in pairs]),
             work=states[:, 2 * n + 13].copy(),
             other_work=states[:, 2 * n + 14].copy(),
             exchanged=float(states[-1, 2 * n + 15]),
@@ -375,7 +368,7 @@ class Simulation:
             ConfigurationError: The rates open the grasps.
         """
         cfg = self.carrying.start
-        v = generalized_velocity(cfg, dq)
+        v = dynamics.generalized_velocity(cfg, dq)
         opening = np.abs(closure_rows(cfg) @ v).max(initial=0.0)
         size = np.abs(cfg.J @ v).max()
         if opening > OPENING * size + STILL:
@@ -420,7 +413,7 @@ class Simulation:
         elif self.setup.holds:
             taken_up = np.asarray(held_attitude(numbers, now, v[3:6]))
         give = np.concatenate((np.zeros(6), yielding(numbers, now, self.setup)))
-        return taken_up, give + (motor_reactions(cfg, taken_up) if taken_up.any() else 0.0)
+        return taken_up, give + (dynamics.motor_reactions(cfg, taken_up) if taken_up.any() else 0.0)
 
     def state(self, t: float, cfg: Configuration, v: Array, others: Array) -> ClosedState:
         """Return accelerations and forces in a state, under other forces (6 + n,)."""

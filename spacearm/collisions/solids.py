@@ -14,58 +14,48 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.description.shapes import (
-    Box,
-    Cylinder,
-    Geometry,
-    Mesh,
-    Shape,
-    Sphere,
-    Unusable,
-    Visuals,
-    read_mesh,
-)
+from spacearm.description import shapes
 from spacearm.errors import ModelError
 
 #: Thickness below which a mesh counts as flat, as a share of its length.
 FLAT = 1e-9
 #: Thickness given to the box around a flat visual, as a share of its length.
 THIN = 1e-3
-PRIMITIVES = {Box: coal.Box, Sphere: coal.Sphere, Cylinder: coal.Cylinder}
+PRIMITIVES = {shapes.Box: coal.Box, shapes.Sphere: coal.Sphere, shapes.Cylinder: coal.Cylinder}
 WITHOUT = "correct that, or plan with collisions=False to do without"
 
 
 def link_solids(
-    where: object, link: str, shapes: Visuals
+    where: object, link: str, visuals: shapes.Visuals
 ) -> list[tuple[coal.CollisionGeometry, pin.SE3]]:
     """Return the collision geometry of a link, or its visuals where it has none that can be read.
 
     Args:
         where: The file or robot that it is part of, for errors.
         link: Its name.
-        shapes: Its shapes.
+        visuals: Its shapes.
 
     Raises:
         ModelError: A collision geometry is faulty.
     """
-    return list(collision_solids(where, link, shapes)) or list(visual_solids(shapes))
+    return list(collision_solids(where, link, visuals)) or list(visual_solids(visuals))
 
 
 def collision_solids(
-    where: object, link: str, shapes: Visuals
+    where: object, link: str, visuals: shapes.Visuals
 ) -> Iterator[tuple[coal.CollisionGeometry, pin.SE3]]:
     """Yield the collision geometry of a link; missing meshes are passed over.
 
     Raises:
         ModelError: A geometry is faulty.
     """
-    for shape in shapes.collision:
+    for shape in visuals.collision:
         match shape.geometry:
-            case Unusable(problem):
+            case shapes.Unusable(problem):
                 raise ModelError(f"{problem}, or plan with collisions=False to do without")
-            case Mesh(_, Path() as file, scale):
+            case shapes.Mesh(_, Path() as file, scale):
                 try:
-                    yield hull(file.name, read_mesh(file).vertices * scale), shape.pose
+                    yield hull(file.name, shapes.read_mesh(file).vertices * scale), shape.pose
                 except ModelError as error:
                     message = f"{where}: {error}, in a collision of link {link!r}"
                     raise ModelError(f"{message}; {WITHOUT}") from None
@@ -76,13 +66,13 @@ def collision_solids(
                 yield from primitive(shape)
 
 
-def visual_solids(shapes: Visuals) -> Iterator[tuple[coal.CollisionGeometry, pin.SE3]]:
+def visual_solids(visuals: shapes.Visuals) -> Iterator[tuple[coal.CollisionGeometry, pin.SE3]]:
     """Yield hulls or boxes of the visuals of a link; those that cannot be used are passed over."""
-    for shape in () if shapes.stands_in else shapes.visual:
+    for shape in () if visuals.stands_in else visuals.visual:
         match shape.geometry:
-            case Mesh(_, Path() as file, scale):
+            case shapes.Mesh(_, Path() as file, scale):
                 try:
-                    points = read_mesh(file).vertices * scale
+                    points = shapes.read_mesh(file).vertices * scale
                 except ModelError:
                     continue
                 try:
@@ -93,15 +83,15 @@ def visual_solids(shapes: Visuals) -> Iterator[tuple[coal.CollisionGeometry, pin
                 yield from primitive(shape)
 
 
-def _lengths(shape: Shape) -> tuple[float, ...]:
+def _lengths(shape: shapes.Shape) -> tuple[float, ...]:
     """Return the lengths of a box, sphere or cylinder."""
     geometry = shape.geometry
-    if isinstance(geometry, Box):
+    if isinstance(geometry, shapes.Box):
         return geometry.size
-    return tuple(geometry) if isinstance(geometry, Sphere | Cylinder) else ()
+    return tuple(geometry) if isinstance(geometry, shapes.Sphere | shapes.Cylinder) else ()
 
 
-def primitive(shape: Shape) -> Iterator[tuple[coal.CollisionGeometry, pin.SE3]]:
+def primitive(shape: shapes.Shape) -> Iterator[tuple[coal.CollisionGeometry, pin.SE3]]:
     """Yield a box, sphere or cylinder as one of coal; nothing for any other geometry."""
     if make := PRIMITIVES.get(type(shape.geometry)):
         yield make(*_lengths(shape)), shape.pose
@@ -141,14 +131,14 @@ def hull(name: str, points: Array) -> coal.Convex:
 
 def corners(solid: coal.CollisionGeometry) -> Array:
     """Return points (k, 3) whose convex hull is a solid, of round ones a polyhedron within it."""
-    geometry: Geometry
+    geometry: shapes.Geometry
     match solid:
         case coal.Box():
-            geometry = Box(tuple(2.0 * np.asarray(solid.halfSide)))
+            geometry = shapes.Box(tuple(2.0 * np.asarray(solid.halfSide)))
         case coal.Sphere():
-            geometry = Sphere(float(solid.radius))
+            geometry = shapes.Sphere(float(solid.radius))
         case coal.Cylinder():
-            geometry = Cylinder(float(solid.radius), 2.0 * float(solid.halfLength))
+            geometry = shapes.Cylinder(float(solid.radius), 2.0 * float(solid.halfLength))
         case _:
             return np.array([solid.point(i) for i in range(solid.num_points)])
-    return Shape(pin.SE3.Identity(), geometry).points()
+    return shapes.Shape(pin.SE3.Identity(), geometry).points()

@@ -20,15 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from spacearm.equations import kinematics
+from spacearm.equations import kinematics, linear_algebra
 from spacearm.equations.kinematics import COLUMNS, ROWS, SYMMETRIC, Parameters, Structure
-from spacearm.equations.linear_algebra import (
-    bidiagonal,
-    determinant,
-    least_with_vectors,
-    minors,
-    reciprocal,
-)
 
 #: Maximal minors of a task Jacobian that S is made of; more would make endless code.
 MOST_MINORS = 250
@@ -51,12 +44,12 @@ def singularity(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
     D = 1.0
     if tree.mode == "free-floating":
         i = tree.normal
-        D = minors(at.D)[0] if i is None else at.D[i, i]
+        D = linear_algebra.minors(at.D)[0] if i is None else at.D[i, i]
     if k == n:
-        return D * determinant(xp, J)
+        return D * linear_algebra.determinant(xp, J)
     if comb(n, k) > MOST_MINORS:
-        return D * D * determinant(xp, J @ J.T)
-    found = minors(J)
+        return D * D * linear_algebra.determinant(xp, J @ J.T)
+    found = linear_algebra.minors(J)
     return D * D * (found * found).sum()
 
 
@@ -80,7 +73,7 @@ def measures(
     if k > n:
         known |= {"sigma_min": 0.0, "manipulability": 0.0, "condition": np.inf}
         return tuple(known.get(name, np.nan) for name in names)
-    form = bidiagonal(xp, kinematics.task_jacobian_at(xp, tree, at))
+    form = linear_algebra.bidiagonal(xp, kinematics.task_jacobian_at(xp, tree, at))
     least = form.least(xp)
     product = form.sign
     for entry in form.q:
@@ -142,7 +135,7 @@ def determinants(
         chosen: The columns of each, as many: 0 to 5 directions of the tip's twist, 6 + j joint j.
     """
     scaled = row_unit[:, None] * columns(xp, tree, p, q) * column_unit
-    return minors(scaled[np.array(rows)], chosen)
+    return linear_algebra.minors(scaled[np.array(rows)], chosen)
 
 
 def tip_from_centre(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
@@ -181,7 +174,7 @@ def distance(
     at = kinematics.posture(xp, tree, p, q)
     J = kinematics.task_jacobian_at(xp, tree, at) * radians
     norm = xp.sqrt((J * J).sum())
-    least = least_with_vectors(xp, J)
+    least = linear_algebra.least_with_vectors(xp, J)
     force = least.u * tree.scale[:, 0] @ np.eye(6 * len(tree.tips))[list(tree.rows)]
     ways = (way * radians for way in (least.v, *least.null))
     slopes = [slope * radians for slope in kinematics.slopes(xp, tree, at, force, ways)]
@@ -254,7 +247,7 @@ def way_out(xp: Any, slopes: list[Any], norm: Any, sigma: Any, fading: Any) -> t
     kept: list[Any] = []
     for r, slope in enumerate(slopes[1:]):
         row = _across(kept, xp.concatenate([slope, pad * np.eye(others)[r]]))
-        kept.append(row * reciprocal(xp, xp.sqrt((row * row).sum())))
+        kept.append(row * linear_algebra.reciprocal(xp, xp.sqrt((row * row).sum())))
     g = _across(kept, xp.concatenate([slopes[0], np.zeros(others)]) if others else slopes[0])
     full, way = xp.sqrt((g * g).sum()), xp.sqrt((g[:n] * g[:n]).sum())
     sound = full > NOTHING * norm

@@ -13,15 +13,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, ArrayLike, Parameters, finite, plain, read_only
 from spacearm.errors import ConfigurationError, UnsupportedError
-from spacearm.mechanics.dynamics import (
-    Capture,
-    JointState,
-    Wrenches,
-    capture,
-    generalized_velocity,
-    inverse_dynamics,
-    spacecraft_twist,
-)
+from spacearm.mechanics import dynamics
 from spacearm.model.arguments import FLOATING, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Laws
@@ -55,7 +47,7 @@ class Flight(Trajectory, kw_only=True):
 
     phases: tuple[Trajectory, ...]
     begins: Array
-    captures: tuple[Capture, ...]
+    captures: tuple[dynamics.Capture, ...]
     names: tuple[str, ...]
     bodies: tuple[Grasp | None, ...]
 
@@ -65,7 +57,7 @@ class Flight(Trajectory, kw_only=True):
         runs: Sequence[Trajectory],
         begins: Sequence[float],
         events: Sequence[Event],
-        captures: Sequence[Capture],
+        captures: Sequence[dynamics.Capture],
         names: Sequence[str],
         bodies: Sequence[Grasp | None],
     ) -> Flight:
@@ -219,7 +211,7 @@ class Flight(Trajectory, kw_only=True):
 
 def _turning(cfg: Configuration, dq: Array, mode: BaseMode) -> float:
     """Return the rate at which a spacecraft turns [rad/s]."""
-    return float(np.linalg.norm(spacecraft_twist(cfg, dq, mode)[3:]))
+    return float(np.linalg.norm(dynamics.spacecraft_twist(cfg, dq, mode)[3:]))
 
 
 def _borne(run: Trajectory, i: int, body: Grasp | None) -> Array:
@@ -283,9 +275,9 @@ class Grasp(Parameters):
     inertia: ArrayLike | None = None
     com: ArrayLike = (0.0, 0.0, 0.0)
     twist: ArrayLike | None = None
-    joints: JointState = "free"
+    joints: dynamics.JointState = "free"
 
-    def impact(self, cfg: Configuration, dq: Array, mode: BaseMode = FLOATING) -> Capture:
+    def impact(self, cfg: Configuration, dq: Array, mode: BaseMode = FLOATING) -> dynamics.Capture:
         """Return the impact in a configuration with joint rates (n,), as `capture` has it.
 
         Args:
@@ -295,13 +287,15 @@ class Grasp(Parameters):
         """
         twist = self.twist
         if mode != FLOATING:  # whose angular momentum is what the arm alone has
-            v = generalized_velocity(cfg, dq, mode)
+            v = dynamics.generalized_velocity(cfg, dq, mode)
             cfg = cfg.with_momentum(cfg.A @ v + cfg.stored)
         if twist is None:
-            t = cfg.J @ generalized_velocity(cfg, dq)
+            t = cfg.J @ dynamics.generalized_velocity(cfg, dq)
             lever = cfg.tip.rotation @ finite(self.com, (3,), "com of the body", "[m], tip frame")
             twist = np.concatenate((t[:3] + np.cross(t[3:], lever), t[3:]))
-        return capture(cfg, twist, self.mass, self.inertia, self.com, dq=dq, joints=self.joints)
+        return dynamics.capture(
+            cfg, twist, self.mass, self.inertia, self.com, dq=dq, joints=self.joints
+        )
 
 
 def held_loads(
@@ -310,7 +304,7 @@ def held_loads(
     ddq: Array,
     body: Grasp,
     mode: BaseMode = FLOATING,
-    wrenches: Wrenches | None = None,
+    wrenches: dynamics.Wrenches | None = None,
 ) -> tuple[Array, Array]:
     """Return the joint torques (n,), and the wrench (6,) at the tip that moves a body, tip axes.
 
@@ -323,8 +317,8 @@ def held_loads(
         wrenches: What pushes links, as in `inverse_dynamics`.
     """
     arm, R = cfg.arm, cfg.base.rotation
-    found = inverse_dynamics(cfg, dq, ddq, mode=mode, wrenches=wrenches)
-    v = generalized_velocity(cfg, dq, mode)
+    found = dynamics.inverse_dynamics(cfg, dq, ddq, mode=mode, wrenches=wrenches)
+    v = dynamics.generalized_velocity(cfg, dq, mode)
     a = (found.base_acceleration.reshape(2, 3) @ R).ravel()
     a[:3] -= np.cross(v[3:6], v[:3])  # from classical to spatial acceleration
     full, rate = (np.append(x[:6], arm.all_rates(y)) for x, y in ((v, dq), (a, ddq)))
@@ -432,7 +426,7 @@ def simulate_phases(
     total, begin, held = sum(phase.duration for phase in phases), 0.0, [start.arm]
     grasped, bodies = list[Grasp](), list[Grasp | None]()
     runs: list[Trajectory] = []
-    begins, events, captures = list[float](), list[Event](), list[Capture]()
+    begins, events, captures = list[float](), list[Event](), list[dynamics.Capture]()
     for phase in phases:
 
         def report(t: float, _: float, begin: float = begin) -> None:
@@ -476,5 +470,5 @@ def _holding(arm: SpaceArm, cfg: Configuration, momentum: Array) -> Configuratio
 def _kept(run: Trajectory, arm: SpaceArm) -> Array:
     """Return the momentum (6,) that an arm keeps which releases what it held at the end."""
     cfg = run[-1]
-    v = generalized_velocity(cfg, run.dq[-1])
+    v = dynamics.generalized_velocity(cfg, run.dq[-1])
     return arm.at(cfg.q, base=cfg.base).A @ v + cfg.stored

@@ -20,15 +20,9 @@ from spacearm.mechanics.floating import placed
 from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import AT_REST, Configuration, SpaceArm
 from spacearm.motion.motion import AnyMotion, Drifting, samples
+from spacearm.planning import timing
 from spacearm.planning.many_curves import FlownRows
 from spacearm.planning.reactions import boundless
-from spacearm.planning.timing import (
-    corners,
-    flown_spline,
-    largest_rates,
-    rest_to_rest_times,
-    smooth,
-)
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.tubes import of_spline
 from spacearm.results import Cell, Description, Measure, Result, Table, joint_measures
@@ -125,7 +119,7 @@ class Plan(Drifting, kw_only=True):
             **fields: What else is known of the plan, by the names of its fields.
         """
         arm, along = rows[0].arm, samples(rows)
-        t = rest_to_rest_times(along["q"], rates) if t is None else t
+        t = timing.rest_to_rest_times(along["q"], rates) if t is None else t
         along["base"][:, :3] += np.outer(t, momentum[:3] / arm.mass)
         unknown: dict[str, Any] = {"clearance": 0.0, "checked": FAILED, "apart": None, "tried": ()}
         wheels = np.zeros((len(rows), len(arm.wheels)))
@@ -146,21 +140,21 @@ class Plan(Drifting, kw_only=True):
     @cached_property
     def spline(self) -> PPoly:
         """Joint positions (n,) over time as flown: quintic through the rows, at rest at corners."""
-        return flown_spline(self.t, self.q, self.final_rates)
+        return timing.flown_spline(self.t, self.q, self.final_rates)
 
     @cached_property
     def wheel_spline(self) -> BSpline | None:
         """What wheels hold (w,) over time [N m s], where a floating spacecraft is detumbled."""
         if self.mode != FLOATING or not self.wheels.size or not np.ptp(self.wheels, axis=0).any():
             return None
-        return smooth(self.t, self.wheels)
+        return timing.smooth(self.t, self.wheels)
 
     def _rates(self, order: int) -> Array:
         """Return the derivatives (m, n) of the joint positions."""
         if len(self) == 1:
             return read_only(np.zeros_like(self.q))
         rates = self.spline(self.t, order)
-        rates[corners(np.diff(self.q, axis=0))] = 0.0  # without rounding
+        rates[timing.corners(np.diff(self.q, axis=0))] = 0.0  # without rounding
         if order == 1:
             rates[-1] = self.final_rates
         return read_only(rates)
@@ -377,7 +371,7 @@ def landed(
 def best_attempt(cfg: Configuration, rows: object, tried: Iterable[Attempt] = ()) -> Plan:
     """Return the best attempt: rows that do not solve the problem, or the start alone."""
     best = rows if isinstance(rows, list) else [cfg]
-    return Plan.of_rows("best attempt", best, largest_rates(cfg.arm), tried=tuple(tried))
+    return Plan.of_rows("best attempt", best, timing.largest_rates(cfg.arm), tried=tuple(tried))
 
 
 Answer: TypeAlias = Literal["yes", "no", "unknown"]

@@ -23,13 +23,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
 from spacearm.motion.simulation import COARSE, FAILURES, simulate_many
 from spacearm.singularities.risk import check_slides, risk_profile
-from spacearm.sweeps.motion_tables import (
-    MODES,
-    read_integration,
-    read_law,
-    read_plant,
-    read_sampling,
-)
+from spacearm.sweeps import motion_tables as tables
 from spacearm.sweeps.toml import Table
 from spacearm.workspaces.design import shell_measures
 from spacearm.workspaces.path_dependent import EFFORT
@@ -156,7 +150,7 @@ class Shells(Quantity):
         for arm in arms:
             check_shells(arm)
         table.knows("mode", "limits", "effort")
-        self.mode = table.choice("mode", MODES, "free-floating")
+        self.mode = table.choice("mode", tables.MODES, "free-floating")
         self.limits = table.take("limits", bool, False)
         self.effort = table.positive("effort", int, EFFORT)
         volume = {"units": "m^3; m^2 for planar arms"}
@@ -309,12 +303,12 @@ class Simulations(Quantity):
             "controller", "start", "duration", "runs", "mode", "plant", "sampling", "integration"
         )
         self.controller = table.inner("controller")
-        self.mode = table.choice("mode", MODES, "free-floating")
-        self.plant = read_plant(table.inner("plant"))
-        self.integration = read_integration(table.inner("integration"), COARSE)
+        self.mode = table.choice("mode", tables.MODES, "free-floating")
+        self.plant = tables.read_plant(table.inner("plant"))
+        self.integration = tables.read_integration(table.inner("integration"), COARSE)
         start = table.inner("start")
         start.knows("q", "attitude", *SPREADS)
-        self.q, self.sampling = start.numbers("q"), read_sampling(table)
+        self.q, self.sampling = start.numbers("q"), tables.read_sampling(table)
         self.spread, self.rates, self.turns = (start.numbers(name, [0.0]) for name in SPREADS)
         self.attitude = start.numbers("attitude", [0.0, 0.0, 0.0])
         if len(self.attitude) != 3:
@@ -334,7 +328,7 @@ class Simulations(Quantity):
             if self.sampling is not None:
                 self.sampling.noise(arm.n)  # raises for one that makes no sense
             arm.require_one_tip()
-            read_law(self.controller, arm)
+            tables.read_law(self.controller, arm)
         self.shape = (table.positive("runs", int, 1),)
         self.tile = (min(RUNS, self.chunk, *self.shape),)
 
@@ -350,7 +344,7 @@ class Simulations(Quantity):
         starts = [arm.at(q, base=base).centred(np.zeros(3)) for q, base in placed]
         noisy = self.sampling and replace(self.sampling, seed=self.sampling.seed + first)
         found = simulate_many(
-            starts, read_law(self.controller, arm), self.duration, dq=rates, mode=self.mode,
+            starts, tables.read_law(self.controller, arm), self.duration, dq=rates, mode=self.mode,
             plant=self.plant, sampling=noisy, distance=True, integration=self.integration,
             threads=1,
         )  # fmt: skip
