@@ -87,8 +87,10 @@ def draws(
             with style():
                 if size is None:
                     return draw(thing, ax, **options).figure
-                alone = None if panels else axes_for(ax, *size, spatial=spatial(thing))
-                where = panels_for(ax, panels, *size)[1] if panels else [alone]
+                if panels:
+                    where = panels_for(ax, panels, *size)[1]
+                else:
+                    where = [axes_for(ax, *size, spatial=spatial(thing))]
                 draw(thing, where if panels else where[0], **options)
                 return where[0].figure
 
