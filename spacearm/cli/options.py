@@ -184,7 +184,7 @@ def arm_from(
     carrier, at = (None, None) if bus is None else _described_bus(bus, deg)
     options: dict[str, Any] = {
         "check": check,
-        "xacro_args": _arguments(arg),
+        "xacro_args": dict(pairs("--arg", arg, "NAME:=VALUE", ":=")),
         "density": density,
     }
     if deg and locked:
@@ -265,15 +265,6 @@ def _tree_of(model: str, alone: bool, options: dict[str, Any]) -> Tree:
         return assembled(info) if info else formats.read(known.path if known else model, reading)
 
 
-def _arguments(texts: list[str] | None) -> dict[str, str]:
-    """Parse NAME:=VALUE, as often as given."""
-    pairs = [text.partition(":=") for text in texts or []]
-    for name, sign, _ in pairs:
-        if not name or not sign:
-            raise sa.ConfigurationError(f"--arg {name!r}: give NAME:=VALUE")
-    return {name: value for name, _, value in pairs}
-
-
 def on_a_model(command: Callable[..., T], *, named: bool = False) -> Callable[..., T]:
     """Give a command the argument MODEL and the options of `arm_from` in place of `arm`.
 
@@ -342,13 +333,20 @@ def answering(
     return decorate
 
 
+def pairs(
+    option: str, texts: list[str] | None, form: str, sign: str = "="
+) -> list[tuple[str, str]]:
+    """Part names and values, as often as given, of a form such as JOINT=VALUE."""
+    parts = [text.rpartition(sign) for text in texts or []]
+    for (name, _, _), text in zip(parts, texts or [], strict=True):
+        if not name:
+            raise sa.ConfigurationError(f"{option} {text!r}: give {form}")
+    return [(name, value) for name, _, value in parts]
+
+
 def assignments(option: str, texts: list[str] | None) -> dict[str, float]:
     """Parse JOINT=VALUE, as often as given."""
-    pairs = [text.rpartition("=") for text in texts or []]
-    for (name, _, _), text in zip(pairs, texts or [], strict=True):
-        if not name:
-            raise sa.ConfigurationError(f"{option} {text!r}: give JOINT=VALUE")
-    return {name: _number(value) for name, _, value in pairs}
+    return {name: _number(value) for name, value in pairs(option, texts, "JOINT=VALUE")}
 
 
 def joint_values(arm: sa.SpaceArm, words: Sequence[str | float], deg: bool) -> Array:

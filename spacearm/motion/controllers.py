@@ -16,14 +16,13 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-import pinocchio as pin
 
 from spacearm.arrays import Array, ArrayLike, Parameters, finite, positive
 from spacearm.compiler import numbers
 from spacearm.equations import laws
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import inverse_dynamics
-from spacearm.mechanics.jacobian import generalized_jacobian
+from spacearm.mechanics.jacobian import generalized_jacobian, probes
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.joints import joint_vector
@@ -289,8 +288,7 @@ def _by_numbers(function: Callable[..., Any], *arguments: Any) -> Array:
 
 def rank_of_turns(arm: SpaceArm) -> int:
     """Return in how many directions joint motions turn the spacecraft: the rank of D_q."""
-    probes = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
-    return max(rank_at(kinematics(arm, q, pin.SE3.Identity())) for q in probes)
+    return max(map(rank_at, probes(arm)))
 
 
 def rank_at(cfg: Configuration) -> int:
