@@ -167,7 +167,7 @@ EQUATIONS = [
             ("J* dq without J*", "-below[0]", "below[0]"),
         )),
         ("measures", "export/test_equations mechanics/test_batch", (
-            ("S = det(D) det(J*)", "return D * determinant(xp, J)", "return determinant(xp, J)"),
+            ("S = det(D) det(J*)", "return D * linear_algebra.determinant(xp, J)", "return linear_algebra.determinant(xp, J)"),
             ("S of redundant arms", "(found * found).sum()", "found.sum()"),
             ("manipulability", "product = product * entry", "product = product + entry"),
         )),
@@ -176,7 +176,7 @@ EQUATIONS = [
         )),
         ("measures", "equations/test_configurations singularities/test_distance", (
             ("distance to first order, compiled", "sigma * way / xp", "sigma * full / xp"),
-            ("distance: the null space counts", "kept.append(row * reciprocal", "kept.append(0.0 * row * reciprocal"),
+            ("distance: the null space counts", "kept.append(row * linear_algebra", "kept.append(0.0 * row * linear_algebra"),
         )),
         ("measures", "equations/test_configurations", (
             ("minors seen from the tip", "turned = xp.cross(M * r,", "turned = xp.cross(-M * r,"),
