@@ -105,15 +105,8 @@ def twists(xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads) -> tupl
     s = at.s * rates[:, None]
     own = loads.h - loads.held.sum(axis=0)
     h = xp.concatenate([np.zeros(3), own], axis=0) - rates @ at.P
-    return _outwards(xp, tree, kinematics.base_twist(xp, tree, at, h[:, None])[:, 0], s), s
-
-
-def _outwards(xp: Any, tree: Structure, base: Any, s: Any) -> Any:
-    """Compute the sums (N + 1, 6) over all joints that carry a body, and the base's own."""
-    sums = [base]
-    for i in range(1, len(tree.parents)):
-        sums.append(sums[tree.parents[i]] + s[i - 1])
-    return xp.stack(sums)
+    base = kinematics.base_twist(xp, tree, at, h[:, None])[:, 0]
+    return kinematics.outwards(xp, tree, base, s), s
 
 
 def bias(xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads) -> Any:
@@ -126,9 +119,7 @@ def bias(xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads) -> Any:
     """
     nu, s = twists(xp, tree, at, dq, loads)
     v, w, r = nu[:, :3], nu[:, 3:], at.centres
-    linear = xp.cross(w[1:], s[:, :3]) + xp.cross(v[1:], s[:, 3:])
-    crossed = xp.concatenate([linear, xp.cross(w[1:], s[:, 3:])], axis=1)
-    a = _outwards(xp, tree, np.zeros(6), crossed)
+    a = kinematics.outwards(xp, tree, np.zeros(6), kinematics.across(xp, nu[1:], s))
     spin = (at.inertias @ w[..., None])[..., 0] + loads.held
     moved = a[:, :3] + xp.cross(a[:, 3:], r) + xp.cross(w, v + xp.cross(w, r))
     force = at.masses * moved - loads.wrenches[:, :3]

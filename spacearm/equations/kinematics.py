@@ -196,6 +196,14 @@ def gathered(xp: Any, tree: Structure, values: Any) -> Any:
     return xp.stack(sums)
 
 
+def outwards(xp: Any, tree: Structure, base: Any, s: Any) -> Any:
+    """Return the sums (N + 1, 6) over all joints that carry a body, and the base's own."""
+    sums = [base]
+    for i in range(1, len(tree.parents)):
+        sums.append(sums[tree.parents[i]] + s[i - 1])
+    return xp.stack(sums)
+
+
 def momenta(xp: Any, m: Any, moment: Any, I: Any, s: Any) -> Any:
     """Compute the momenta (m, 6) of masses, first moments and inertias that have twists s."""
     v, w = s[:, :3], s[:, 3:]
@@ -329,9 +337,9 @@ def slopes(xp: Any, tree: Structure, at: Posture, force: Any, ways: Iterable[Any
     linear, angular = f[:, :3], f[:, 3:]
     wrenches = xp.concatenate([linear, angular + xp.cross(r, linear)], axis=1)
     y = base_twist(xp, tree, at, wrenches.sum(axis=0)[:, None])[:, 0]
-    turned = _across(xp, s, y[None])
+    turned = across(xp, s, y[None])
     beside = tree.reaches.T @ wrenches - momenta(xp, *at.carried, y[None])
-    own = momenta(xp, *at.carried, turned) + _across(xp, s, beside[:, TWIST])[:, TWIST]
+    own = momenta(xp, *at.carried, turned) + across(xp, s, beside[:, TWIST])[:, TWIST]
     found = []
     for way in ways:
         rates = (tree.gains @ way)[:, None]
@@ -339,18 +347,17 @@ def slopes(xp: Any, tree: Structure, at: Posture, force: Any, ways: Iterable[Any
         for i in range(len(s), 0, -1):
             inner = tree.parents[i]
             below[inner] = below[inner] + (below[i] + rates[i - 1] * at.P[i - 1])
-        twists = [base_twist(xp, tree, at, -below[0][:, None])[:, 0]]
-        for i, inner in enumerate(tree.parents[1:]):
-            twists.append(twists[inner] + rates[i] * s[i])
-        tips = xp.stack([twists[body] for body in tree.tips])
+        base = base_twist(xp, tree, at, -below[0][:, None])[:, 0]
+        twists = outwards(xp, tree, base, rates * s)
+        tips = twists[list(tree.tips)]
         v, w = tips[:, :3] + xp.cross(tips[:, 3:], r), tips[:, 3:]
         lever = tree.reaches.T @ (xp.cross(linear, v) + xp.cross(angular, w))
-        parts = xp.stack(twists[1:]) * own + turned * xp.stack(below[1:])
+        parts = twists[1:] * own + turned * xp.stack(below[1:])
         found.append(tree.gains.T @ (parts.sum(axis=1) - (s[:, 3:] * lever).sum(axis=1)))
     return found
 
 
-def _across(xp: Any, s: Any, x: Any) -> Any:
+def across(xp: Any, s: Any, x: Any) -> Any:
     """Return how twists x (m, 6) change as bodies move by twists s (m, 6)."""
     v, w = s[:, :3], s[:, 3:]
     linear = xp.cross(w, x[:, :3]) + xp.cross(v, x[:, 3:])
