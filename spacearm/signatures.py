@@ -243,7 +243,8 @@ def _require(
     instead = _words(hint)
     for part in PARTS:
         if hasattr(value, part) and fits(getattr(value, part), hint):
-            instead = f"its .{part}"
+            joints = any(getattr(member, "__name__", "") == "Joints" for member in members)
+            instead = f"sa.Joints(its .{part})" if joints else f"its .{part}"
     raise ConfigurationError(f"{of}: {name} is {shown(value)}; give {instead}{_told(thing, name)}")
 
 

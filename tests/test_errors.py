@@ -233,6 +233,14 @@ FIRST_DAY = {
         lambda: arm().at(arm().at([0.0, 0.0])),
         "q is a Configuration; give its .q",
     ),
+    "a configuration for a goal": (
+        lambda: sa.plan(arm().at([0.0, 1.0]), arm().at([0.0, 0.5])),
+        r"goal is a Configuration; give sa.Joints\(its .q\)",
+    ),
+    "a number for what is uncertain": (
+        lambda: sa.uncertain(arm(), 0.1),
+        r'spread is 0.1; give .*such as {"link_2":{"mass":0.05}}',
+    ),
     "a tensor with a gradient": (lambda: arm().at(Gradient()), "q holds no numbers: .*grad"),
     "the same in a batch": (lambda: sa.evaluate(arm(), Gradient()), "Q"),
 }

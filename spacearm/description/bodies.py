@@ -138,7 +138,7 @@ class Joint:
         upper: Largest angle [rad] or displacement [m].
         velocity: Largest rate [rad/s] or [m/s].
         effort: Largest torque [N m] or force [N].
-        slid: Displacement at which a prismatic joint was locked [m]; the origin includes it.
+        locked: Kind of a joint that was locked, and where [rad] or [m]; the origin includes it.
         damping: Viscous friction [N m s/rad] or [N s/m].
         friction: Dry friction [N m] or [N].
         home: Where the joint rests [rad] or [m]; see `rest`.
@@ -155,7 +155,7 @@ class Joint:
     velocity: float = math.inf
     effort: float = math.inf
     mimic: Mimic | None = None
-    slid: float = 0.0
+    locked: tuple[str, float] | None = None
     damping: float = 0.0
     friction: float = 0.0
     home: float = 0.0
@@ -195,9 +195,13 @@ class Joint:
 
     def frozen(self, value: float) -> Joint:
         """Return the joint as a fixed one, at `value` [rad] or [m]."""
-        slid = abs(value) if self.kind == "prismatic" else 0.0
         origin = self.origin * self.motion(value)
-        return replace(self, kind="fixed", origin=origin, mimic=None, slid=slid)
+        return replace(self, kind="fixed", origin=origin, mimic=None, locked=(self.kind, value))
+
+    @property
+    def slid(self) -> float:
+        """How far a locked joint has slid [m]."""
+        return abs(self.locked[1]) if self.locked and self.locked[0] == "prismatic" else 0.0
 
     def renamed(self, rename: Callable[[str], str]) -> Joint:
         """Return the joint with its name and every name that it refers to changed."""

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from urllib.parse import unquote
 
 import numpy as np
 import pinocchio as pin
@@ -401,7 +402,7 @@ def _buffers(path: Path, gltf: bytes) -> dict[str, bytes]:
     found, left = dict[str, bytes](), LARGEST_MESH
     for name in {buffer["uri"] for buffer in json.loads(gltf).get("buffers", [])}:
         if not name.startswith("data:"):
-            found[name] = read(path.parent / name, left)
+            found[name] = read(path.parent / unquote(name), left)
             left -= len(found[name])
     return found
 

@@ -426,13 +426,17 @@ class SpaceArm(JointSpace, Described):
         ]
         if self.wheels:
             tables.append(wheel_table(self.model, self.wheels))
-        if self.held:
-            held = [self.whole.joints[name] for name in self.held]
-            at = joint_measures(self.held.values(), [joint.kind == "prismatic" for joint in held])
-            rows = [(j.name, j.kind, j.child, q) for j, q in zip(held, at, strict=True)]
-            title = ('Held joints (to make them count: joints="all", or their names; to make them '
-                     "reaction wheels: wheels=[...])")  # fmt: skip
-            tables.append(Table(("joint", "type", "moves", "at"), rows, title))
+        held = [(name, self.whole.joints[name].kind, at) for name, at in self.held.items()]
+        locked = [(j.name, *j.locked) for j in self.whole.joints.values() if j.locked]
+        for title, still in (
+            ('Held joints (to make them count: joints="all", or their names; to make them '
+             "reaction wheels: wheels=[...])", held), ("Locked joints", locked),
+        ):  # fmt: skip
+            names, kinds, values = zip(*still, strict=True) if still else ((), (), ())
+            at = joint_measures(values, [kind == "prismatic" for kind in kinds])
+            moved = [self.whole.joints[name].child for name in names]
+            rows = list(zip(names, kinds, moved, at, strict=True))
+            tables += [Table(("joint", "type", "moves", "at"), rows, title)] * bool(rows)
         return Description(
             title=self.name,
             verdict=f"{self.n} joint{'s' * (self.n > 1)}, {self.mass:.6g} kg",

@@ -54,7 +54,9 @@ def draw_catch(result: Catch, panels: Any) -> None:
     if len(result.frames) > 1:
         style.legend_beside(gap)
     gap.set(ylabel="tip to grapple\nframe [m]", ylim=(0.0, None))
-    clear.plot(way.t, np.degrees(way.distance), color=style.GREEN, label="found")
+    grasped = getattr(result, "grasped", {})  # by several hands
+    how = "to first order" if grasped else "found"
+    clear.plot(way.t, np.degrees(way.distance), color=style.GREEN, label=how)
     if result.distance_proven:
         clear.axhline(np.degrees(result.distance_proven), color=style.GREY, ls=":", label="proven")
     clear.set(ylabel="to the nearest singular\nposture [°]", ylim=(0.0, None))
@@ -69,7 +71,7 @@ def draw_catch(result: Catch, panels: Any) -> None:
     slides = "°/s, m/s" if way.arm.slides.any() else "°/s"
     rates.set(xlabel="time [s]", ylabel=f"joint rates [{slides}]")
     for panel in panels:
-        for when in (begin, standing, result.t):
+        for when in {begin, standing, *grasped.values(), result.t}:
             panel.axvline(when, color=style.GREY, lw=0.8, ls="--", zorder=0)
     style.entitle(
         gap,

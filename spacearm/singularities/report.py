@@ -176,7 +176,7 @@ class SingularityReport(Result):
         k, n = self.jacobian.shape
         how = "to first order" if self.nearest is None else "found"
         return (
-            f"SingularityReport({self.kind}, rank {self.rank} of {k}, {n} joints, "
+            f"SingularityReport({self.kind}, rank {self.rank} of {k}, {n} joint{'s' * (n > 1)}, "
             f"distance={self.distance:.4g} rad {how}, sigma_min={self.sigma_min:.6g}, "
             f"condition={self.condition:.6g})"
         )

@@ -248,7 +248,10 @@ def test_info_says_what_was_chosen_why_and_how_to_choose_otherwise(tmp_path):
     assert re.search(said, out)
     assert "Held joints (to make them count: --joints all, or their names; " in out
     assert re.search(r"panel +revolute +wing +0 rad", out)
-    assert "Held" not in spacearm("info", path, "--joints", "all").stdout
+    assert out.startswith("r: 1 joint, ")
+    locked = spacearm("info", path, "--joints", "all", "--lock", "panel=0.5").stdout
+    assert re.search(r"Locked joints\n.*\npanel +revolute +wing +0.5 rad", locked)
+    assert "Held" not in locked
     other = answer("info", path, "--tip", "wing")
     assert (other["held"], other["tip_reason"]) == ({"elbow": 0.0}, "it was asked for")
     path.write_text(robot(*two_links(), *wing))

@@ -135,6 +135,10 @@ def test_the_y_axis_of_gltf_becomes_z(kind, tmp_path):
     written = box.export(file_type="glb" if kind == "glb" else "gltf", **options)
     files = written if isinstance(written, dict) else {"box.glb": written}
     name = next(name for name in files if name.endswith(("glb", "gltf")))
+    if kind == "gltf":
+        (numbers,) = (file for file in files if file != name)
+        files["my box.bin"] = files.pop(numbers)
+        files[name] = files[name].replace(numbers.encode(), b"my%20box.bin")
     for file, content in files.items():
         (tmp_path / file).write_bytes(content)
     assert len(files) == 1 + (kind == "gltf")

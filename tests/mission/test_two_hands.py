@@ -239,6 +239,10 @@ def test_in_flight_hands_grasp_in_turn_and_the_joints_come_to_rest(in_turn):
     assert np.abs(held).max() < 0.1 * np.abs(in_turn.brake.wrench).max()  # it is only followed
     bus = pin.XYZQUATToSE3(one.target[-1]).inverse() * target.at(14.0).pose
     assert np.linalg.norm(pin.log6(bus).vector) < 1e-5  # nothing has braked it
+    whens = [
+        line.get_xdata()[0] for line in sa.plot(in_turn).axes[0].lines if line.get_ls() == "--"
+    ]
+    assert set(in_turn.grasped.values()) <= set(whens)
     for drawn in (sa.plot(in_turn), sa.plot(flight)):
         assert len(drawn.axes) >= 3
     viewer = sa.view(flight, open=False)
