@@ -46,7 +46,7 @@ VIDEOS = {
 }
 #: Browsers that draw the pictures of a motion side by side.
 BROWSERS_AT_ONCE = 2
-PIECE_OF_PICTURE = re.compile(rb'"picture ([A-Za-z0-9+/=]+)(!?)"')
+PIECE_OF_PICTURE = re.compile(rb'"picture ([A-Za-z0-9+/=]*)(!?)"')
 #: Steps of red, green and blue in a GIF, besides the colours of its first picture.
 STEPS = 5
 

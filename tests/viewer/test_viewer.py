@@ -1,6 +1,7 @@
 """The view without a browser: session, server, files, notebooks, odd URDFs."""
 
 import asyncio
+import base64
 import contextlib
 import http.client
 import json
@@ -727,6 +728,21 @@ def test_a_long_motion_is_thinned_evenly(monkeypatch, end, step):
     times = [key["time"] for key in max(tracks, key=len)]
     np.testing.assert_allclose(np.diff(times), 15 * step, rtol=1e-9, atol=0)
     assert times[-1] == pytest.approx(15 * end)
+
+
+def test_pictures_are_joined_of_pieces_between_what_else_a_browser_tells():
+    """Some of them end with a whole piece, after which only the mark of their end comes."""
+    rng = np.random.default_rng(0)
+    drawn = [rng.bytes(n) for n in (2250, 4500, 4501, 7)]
+    lines = []
+    for picture in drawn:
+        text = base64.b64encode(picture).decode() + "!"
+        for at in range(0, len(text), 3000):
+            lines += [
+                f'[1:CONSOLE:7] "picture {text[at : at + 3000]}", source: a.html (7)\n',
+                "GPU\n",
+            ]
+    assert list(pictures._joined(line.encode() for line in lines)) == drawn
 
 
 def test_a_browser_that_does_not_end(viewer, tmp_path, monkeypatch):
