@@ -1,11 +1,11 @@
 """Catching: how many random targets with a known catch are caught, in what time, and how exactly.
 
-The known catch is drawn first: a straight joint motion to a random posture, where the tip is at the
-stand-off of a tumbling target; the target is what it must be then, its motion run backwards. Kept
-are those that meet nothing from time 0 on, and whose approach from there keeps the limits.
-`sa.catch` is given the target and a window alone, and its catch is replayed by what shares nothing
-with it: joint splines, Pinocchio's momentum matrices and DOP853 for the spacecraft, and for the
-target Euler's equations.
+The known catch is drawn first: a straight joint motion to a random posture, where the tip is at
+the stand-off of a tumbling target; the target is what it must be then, its motion run backwards.
+Kept are those of which that way, the approach from its end and braking keep all that `sa.catch`
+asks for: limits, and nothing singular or met. `sa.catch` is given the target and a window alone,
+and its catch is replayed by what shares nothing with it: joint splines, Pinocchio's momentum
+matrices and DOP853 for the spacecraft, and for the target Euler's equations.
 
     python benchmarks/catching.py [targets of each arm] [arm ...] [--workers N]
 """
@@ -21,6 +21,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import spacearm as sa
+from spacearm.mission.approaching import Approach
 
 APPROACH, CLOSING = 0.2, 0.05
 WINDOW = (10.0, 120.0)
@@ -58,53 +59,43 @@ def known(start: sa.Configuration, rng: np.random.Generator) -> sa.Target | None
     met = sa.Target(bus, place, twist=(*v, *w), grapples={"ring": ring})
     before = met.at(-begin)
     target = met.replace(pose=before.pose, twist=before.twist)
-    tip = arm.tree.lumps[arm.tree.body_of[arm.tip]]
-    around = sa.Obstacle.of_target(target, begin=begin, may_touch=tip)
-    if sa.collision_check(still(there), obstacles=around).contact:
+    if not stepped(there, met, rates):
         return None
-    Q = start.q + np.linspace(0.0, 1.0, 41)[:, None] * (q - start.q)
-    Q = np.vstack((start.q, Q))  # at rest until it begins
-    T = [pin.SE3ToXYZQUAT(sa.move(start, x).base) for x in Q]
-    way = sa.Motion(arm, np.append(0.0, begin - lasts + np.linspace(0.0, lasts, 41)), Q, T)
-    if sa.collision_check(way, obstacles=sa.Obstacle.of_target(target, may_touch=tip)).contact:
+    asked = (APPROACH, CLOSING, None, (np.inf, np.inf), sa.Constraints(), "free-floating")
+    known = Approach.of(start, target, None, WINDOW, *asked)
+    contact = begin + sum(known.duration)
+    try:
+        known.check_start()
+        known.attempt(contact, "ring", iter([sa.Joints(q)]), sa.Search(), 0.0)
+    except sa.SpaceArmError:
         return None
-    join = close = APPROACH / CLOSING
-    clock = np.linspace(0.0, join + close, 161)[1:]
-
-    def ease(u: float) -> float:
-        u = min(max(u, 0.0), 1.0)
-        return u**3 * (10.0 + u * (6.0 * u - 15.0))
-
-    poses = []
-    for s in clock:
-        away = APPROACH * (1.0 - ease((s - join) / close))
-        goal = target.at(begin + s, "ring").pose * sa.pose((0.0, 0.0, -away))
-        b, first = ease(s / join), there.tip
-        turn = pin.exp3(b * pin.log3(goal.rotation @ first.rotation.T))
-        poses.append(
-            pin.SE3(turn @ first.rotation, (1 - b) * first.translation + b * goal.translation)
-        )
-    if not stepped(there, poses[::8], 8 * clock[0], rates):
-        return None
-    chase = sa.follow(there, poses, times=clock, at_rest=False)
-    if not chase.arrived or (np.abs(chase.dq) > rates).any():
-        return None
-    around = sa.Obstacle.of_target(target, begin=begin, may_touch=tip)
-    return None if sa.collision_check(chase, obstacles=around).contact else target
+    return target
 
 
-def stepped(cfg: sa.Configuration, poses: list[pin.SE3], dt: float, rates: np.ndarray) -> bool:
-    """Return whether rough steps from pose to pose keep about the limits: most draws do not."""
-    arm = cfg.arm
-    for pose in poses:
-        turn = pin.log3(pose.rotation @ cfg.tip.rotation.T)
-        twist = np.concatenate((pose.translation - cfg.tip.translation, turn))
-        dq = np.linalg.pinv(sa.generalized_jacobian(cfg)) @ twist
+def stepped(cfg: sa.Configuration, met: sa.Target, rates: np.ndarray) -> bool:
+    """Return whether rough steps to contact keep about the limits: most draws do not."""
+    arm, join = cfg.arm, APPROACH / CLOSING
+    clock, first = np.linspace(0.0, 2.0 * join, 21), cfg.tip
+    for s in clock[1:]:
+        away = APPROACH * (1.0 - ease((s - join) / join))
+        goal = met.at(s, "ring").pose * sa.pose((0.0, 0.0, -away))
+        b = ease(s / join)
+        turn = pin.exp3(b * pin.log3(goal.rotation @ first.rotation.T)) @ first.rotation
+        turn = pin.log3(turn @ cfg.tip.rotation.T)
+        way = (1 - b) * first.translation + b * goal.translation - cfg.tip.translation
+        dq = np.linalg.pinv(sa.generalized_jacobian(cfg)) @ np.concatenate((way, turn))
         q = cfg.q + dq
-        if (np.abs(dq) > 1.5 * dt * rates).any() or ((q < arm.lower) | (q > arm.upper)).any():
+        beyond = (q < arm.lower) | (q > arm.upper)
+        if (np.abs(dq) > 1.5 * clock[1] * rates).any() or beyond.any():
             return False
         cfg = sa.move(cfg, q)
     return True
+
+
+def ease(u: float) -> float:
+    """Return a share of a way, at rest at both its ends."""
+    u = min(max(u, 0.0), 1.0)
+    return u**3 * (10.0 + u * (6.0 * u - 15.0))
 
 
 def replayed(catch: sa.Catch) -> np.ndarray:
