@@ -76,9 +76,8 @@ def draw_motion(
     for axes in wheels:
         _draw_wheels(axes, motion, held)
     _draw_joints(joints, motion)
-    nearness.plot(motion.t, np.minimum(np.degrees(motion.distance), FAR), color=style.RED, lw=1.8)
-    nearness.set(ylabel="to a singular\nposture found [deg]", xlabel="time [s]", ylim=(0.0, FAR))
-    nearness.set_yticks((0.0, 15.0, 30.0, FAR), ("0", "15", "30", f"over {FAR:g}"))
+    _draw_distance(nearness, motion)
+    nearness.set_xlabel("time [s]")
     for axes in (attitude, joints, *wheels, nearness):
         for t in motion.singular_times:
             axes.axvline(t, color=style.RED, lw=0.8, ls=":", alpha=0.7)
@@ -100,8 +99,7 @@ def draw_flight(flight: Flight, panels: Any) -> None:
     scale = np.where(arm.slides, 1.0, 180.0 / np.pi)
     style.draw_curves(rates, t, flight.dq * scale, short_names(arm.joint_names))
     rates.set_ylabel(f"joint rates\n[{'deg/s, m/s' if arm.slides.any() else 'deg/s'}]")
-    nearness.plot(t, np.minimum(np.degrees(flight.distance), FAR), color=style.RED)
-    nearness.set(ylabel="to a singular\nposture found [deg]", ylim=(0.0, None))
+    _draw_distance(nearness, flight)
     turning.plot(t, np.degrees(flight.turning), color=style.BLUE)
     turning.set(ylabel="spacecraft\nturns [deg/s]", ylim=(0.0, None))
     _draw_wheels(wheels, flight, flight.wheels)
@@ -139,6 +137,12 @@ def _in_picture(motion: Motion, target: ArrayLike) -> Array:
     in_plane = shape_of(target) == (2,)
     x = finite(target, (2,) if in_plane else (3,), "target", f"{meaning}, or 2 in the plane")
     return x if in_plane else np.delete(x @ goal_axes(motion[0]), normal)
+
+
+def _draw_distance(axes: Any, motion: Motion) -> None:
+    axes.plot(motion.t, np.minimum(np.degrees(motion.distance), FAR), color=style.RED, lw=1.8)
+    axes.set(ylabel="to a singular\nposture found [deg]", ylim=(0.0, FAR))
+    axes.set_yticks((0.0, 15.0, 30.0, FAR), ("0", "15", "30", f"over {FAR:g}"))
 
 
 def _draw_path(
