@@ -103,6 +103,14 @@ def draws(
 class Figure(mpl_figure.Figure):
     """A Matplotlib figure that a notebook shows where it is the last line of a cell."""
 
+    def draw(self, renderer: Any) -> None:
+        """Draw, laid out with the limits that equal scales lead to: their numbers need the room."""
+        if engine := self.get_layout_engine():
+            engine.execute(self)
+            for axes in self.axes:
+                axes.apply_aspect()
+        super().draw(renderer)
+
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         """Return the picture and its size on the page [px]."""
         buffer = io.BytesIO()

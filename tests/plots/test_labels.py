@@ -41,7 +41,7 @@ def test_texts_that_touch_are_found(monkeypatch):
     for place, turn in (((0.2, 0.5), 0), ((0.22, 0.5), 0), ((0.7, 0.5), 45), ((0.7, 0.62), 45)):
         axes.text(*place, "word", rotation=turn, ha="center", va="center")
     assert touching(axes.figure, monkeypatch) == [("word", "word")]
-    axes.text(1.4, 0.5, "gone")
+    axes.figure.text(1.4, 0.5, "gone")
     assert outside(axes.figure, monkeypatch) == ["gone"]
 
 
@@ -53,6 +53,13 @@ def test_titles_are_folded_to_the_width_of_their_axes(monkeypatch):
     assert right.get_title(loc="left").endswith("\nanother line")
     assert not touching(left.figure, monkeypatch)
     assert not outside(left.figure, monkeypatch)
+
+
+@pytest.mark.slow
+def test_a_plan_has_room_for_the_numbers_of_axes_of_one_scale(monkeypatch):
+    """Equal scales move the limits, so that other numbers stand at the axes than were laid out."""
+    start = sa.load("planar2").at(np.radians([100.0, 90.0]))
+    assert not outside(sa.plot(sa.plan(start, [1.2, 0.9])), monkeypatch)
 
 
 SLOW = pytest.mark.slow
