@@ -18,6 +18,7 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar, get_args, get_origin, ge
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.npyio import NpzFile
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, unknown
@@ -137,8 +138,9 @@ def read(path: str | os.PathLike[str]) -> Arrays:
         ValueError: The file cannot be read, or is none of NumPy's archives of plain arrays.
     """
     try:
-        with opened(Path(path)) as file, np.load(file, allow_pickle=False) as archive:
-            held = sum(entry.file_size for entry in archive.zip.infolist())
+        with opened(Path(path)) as file, NpzFile(file, allow_pickle=False) as archive:
+            entries = archive.zip.infolist() if archive.zip else []
+            held = sum(entry.file_size for entry in entries)
             packed = held > os.fstat(file.fileno()).st_size
             arrays = {} if packed else dict(archive)
     except Exception as error:  # whatever zipfile and NumPy make of a damaged file

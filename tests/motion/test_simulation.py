@@ -405,8 +405,10 @@ def test_files_that_are_no_archives_or_packed_ones_are_refused(figure_5, tmp_pat
             sa.Trajectory.load(path, figure_5.arm)
     with path.open("wb") as file:
         np.save(file, figure_5.q)
-    with pytest.raises(sa.ConfigurationError, match="no saved trajectory"):
-        sa.Trajectory.load(path, figure_5.arm)
+    for text in (path.read_bytes(), b"t,x,y\n0,1,1\n", b""):
+        path.write_bytes(text)
+        with pytest.raises(sa.ConfigurationError, match=r"no saved trajectory: .* zip"):
+            sa.Trajectory.load(path, figure_5.arm)
     np.savez_compressed(path, t=np.zeros(1000))
     with pytest.raises(sa.ConfigurationError, match=r"more data than it has bytes \(compressed"):
         sa.Trajectory.load(path, figure_5.arm)
