@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import cache
 from html import escape
 from pathlib import Path
 
@@ -11,6 +12,7 @@ WIDTH, HEIGHT, GAP = 132, 40, 26
 """Size of a box, and the space between boxes [px]."""
 
 
+@cache
 def imports(package: Path = PACKAGE) -> dict[str, set[str]]:
     """Return which folders each folder of the package imports."""
     found: dict[str, set[str]] = {}

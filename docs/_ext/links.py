@@ -7,9 +7,11 @@ world are held to their form.
 from __future__ import annotations
 
 import re
-from html.parser import HTMLParser
+from collections.abc import Mapping
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
+
+from lxml import etree, html
 
 OUTSIDE = re.compile(r"https://[a-z0-9-]+(\.[a-z0-9-]+)+(/\S*)?|mailto:\S+@\S+")
 """Form of a link to the world."""
@@ -19,7 +21,7 @@ RELS = {"stylesheet", "icon", "preload", "prefetch", "modulepreload", "manifest"
 IN_CSS = re.compile(r"(?:@import\s+|url\(\s*)[\"']?(?!data:)((?:https?:)?//[^\"')\s]+)")
 
 
-class Page(HTMLParser):
+class Page:
     """What a page names, leads to and loads.
 
     Attributes:
@@ -29,17 +31,17 @@ class Page(HTMLParser):
     """
 
     def __init__(self, text: str) -> None:
-        super().__init__(convert_charrefs=True)
         self.anchors: set[str] = set()
         self.links: list[str] = []
         self.loads: list[str] = IN_CSS.findall(
             "".join(re.findall(r"<style.*?</style>", text, re.S))
         )
-        self.feed(text)
+        parsed = html.document_fromstring(text, html.HTMLParser(huge_tree=True))
+        for element in parsed.iter(etree.Element):
+            self._note(element.tag, element.attrib)
 
-    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+    def _note(self, tag: str, given: Mapping[str, str]) -> None:
         """Note ids, links and what an element loads."""
-        given = {name: value or "" for name, value in attributes}
         self.anchors |= {given[name] for name in ("id", "name") if name in given}
         if tag == "a" and "href" in given:
             self.links.append(given["href"])
