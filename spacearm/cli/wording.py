@@ -19,6 +19,7 @@ OPTIONS: dict[str, str | Callable[[re.Match[str]], str]] = {
     r"\bdensity=(\d+) \[kg/m\^3\]": r"--density \1",
     r"locked=\{'([^']*)': ([^}]*)\}": r"--lock \1=\2",
     r"locked=\{\.\.\.\}": "--lock JOINT=VALUE",
+    r"\b(lock|wheel)(?:ed|s): (?=unknown|joint)": r"--\1: ",
     r"\b(limits|collisions)=False": r"--with constraints.\1=false",
     r'check="(\w+)"': r"--check \1",
     r'joints="all"': "--joints all",

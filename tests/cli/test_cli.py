@@ -141,6 +141,8 @@ def test_help_and_version():
         (("query", "planar2", "1", "2", "--attitude", "1"), "--attitude"),
         (("query", "planar2", "1", "2", "--attitude", "1", "nan", "0"), "three finite angles"),
         (("query", "planar2", "1", "--lock", "joint_2"), "give JOINT=VALUE"),
+        (("query", "planar2", "1", "--lock", "joint=1"), "--lock: unknown movable joint"),
+        (("query", "planar2", "1", "--wheel", "joint"), "--wheel: unknown turning joint"),
         (("query", "planar2", "1", "2", "--mode", "free"), "free"),
         (("query", "planar2", "1", "2", "--tolerance", "4"), "tolerance is 4"),
         (("query", "planar2", "1", "2", "--tolerance", "x"), "--tolerance"),
