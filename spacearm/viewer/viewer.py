@@ -262,7 +262,7 @@ class Viewer:
     def frames(
         self,
         path: str | os.PathLike[str],
-        size: tuple[int, int] = (960, 640),
+        size: tuple[int, int] = (900, 600),
         per_second: float = 25.0,
         progress: Callable[[int, int], object] | None = None,
     ) -> Path:
@@ -299,7 +299,7 @@ class Viewer:
     def video(
         self,
         path: str | os.PathLike[str],
-        size: tuple[int, int] = (960, 640),
+        size: tuple[int, int] = (900, 600),
         per_second: float = 25.0,
         progress: Callable[[int, int], object] | None = None,
     ) -> Path:
