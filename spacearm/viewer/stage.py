@@ -39,7 +39,7 @@ BROWN, PURPLE, CYAN, AMBER, MAGENTA, PINK = (
 SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
 
 #: Largest number of points of a drawn path.
-MOST_POINTS = 600
+MOST_POINTS = 400
 #: Scale of the ellipsoid: the tip motion in this time at joint rates of 1 rad/s or 1 m/s.
 ELLIPSOID_SECONDS = 0.3
 
@@ -190,8 +190,8 @@ class Scene:
             points[rows], shapes.distance_colors(values[rows]), 0.006 * self.size
         )
         material = g.MeshBasicMaterial(
-            vertexColors=True, transparent=True, depthTest=False, depthWrite=False
-        )
+            vertexColors=True, transparent=True, depthTest=False, depthWrite=False, side=0
+        )  # of a tube the outside alone
         self.root["trace"]["line"].set_object(geometry, material)
 
 
