@@ -43,8 +43,8 @@ OPTIONS: dict[str, str | Callable[[re.Match[str]], str]] = {
     r"write its quantities for other programs by to_xarray\(\)\.to_netcdf\(path\)": "print its "
     "quantities for other programs by --json",
 }
-#: Options that take as many numbers as the arm needs.
-VECTORS = ("--target", "--goal", "--corner")
+#: Options that take several numbers, as many as the arm needs or two.
+VECTORS = ("--target", "--goal", "--corner", "--window")
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 

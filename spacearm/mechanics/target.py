@@ -17,6 +17,7 @@ from spacearm.description.bodies import Inertial
 from spacearm.description.bus import Bus, stand_in
 from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
+from spacearm.description.readers.source import Reading
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, listed, require_known
 from spacearm.mechanics.free_rotation import FreeRotation
@@ -142,7 +143,8 @@ class Target(Described):
         """Its links, all fixed to each other."""
         if isinstance(self.body, Tree):
             return self.body
-        tree = self.body.tree() if isinstance(self.body, Bus) else formats.read(self.body)
+        rigid = Reading(rigid=True)
+        tree = self.body.tree() if isinstance(self.body, Bus) else formats.read(self.body, rigid)
         if moving := [joint.name for joint in tree.movable()]:
             raise ModelError(
                 f"{tree.name} has joints that move, {listed(moving)}, and a target is one rigid "

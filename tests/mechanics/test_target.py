@@ -178,6 +178,34 @@ def test_no_point_moves_farther_than_the_bound(seed):
     assert way <= target.moved(float(np.linalg.norm(point)), t0, t1) * (1 + 1e-12)
 
 
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        (
+            "debris.sdf",
+            """<sdf version="1.9"><model name="debris"><link name="a"><inertial><mass>40</mass>
+            <inertia><ixx>4</ixx><iyy>5</iyy><izz>6</izz></inertia></inertial></link><link name="b">
+            <pose>1 0 0 0 0 0</pose><inertial><mass>10</mass><inertia><ixx>1</ixx><iyy>1</iyy>
+            <izz>1</izz></inertia></inertial></link><joint name="f" type="fixed">
+            <parent>a</parent><child>b</child></joint></model></sdf>""",
+        ),
+        (
+            "debris.xml",
+            """<mujoco><worldbody><body name="a"><freejoint/><inertial pos="0 0 0" mass="40"
+            diaginertia="4 5 6"/><body name="b" pos="1 0 0"><inertial pos="0 0 0" mass="10"
+            diaginertia="1 1 1"/></body></body></worldbody></mujoco>""",
+        ),
+    ],
+)
+def test_a_target_is_read_from_sdf_and_mjcf(tmp_path, name, text):
+    """Two bodies fixed to each other are one, without a joint."""
+    (tmp_path / name).write_text(text)
+    target = sa.Target(tmp_path / name)
+    assert target.mass == pytest.approx(50.0)
+    np.testing.assert_allclose(target.com, [0.2, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(target.inertia, np.diag([5.0, 14.0, 15.0]), atol=1e-9)
+
+
 def test_a_target_of_several_links_is_one_body_with_its_marks_as_grapples(tmp_path):
     """Masses add up about the common CM; a link without mass is a grapple frame."""
     file = tmp_path / "debris.urdf"
