@@ -356,7 +356,7 @@ def joint_values(arm: sa.SpaceArm, words: Sequence[str | float], deg: bool) -> A
     values = [_number(word) for word in words]
     if len(values) != arm.n:
         raise sa.ConfigurationError(
-            f"{len(values)} joint value{'s' * (len(values) > 1)} given; {arm.name} needs {arm.n}: "
+            f"{len(values)} joint value{'s' * (len(values) != 1)} given; {arm.name} needs {arm.n}: "
             f"{listed(arm.joint_names)}; give them after MODEL, angles in radians or by --deg in "
             "degrees"
         )

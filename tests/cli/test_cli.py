@@ -124,7 +124,7 @@ def test_help_and_version():
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("query", "planar2"), "planar2 needs 2: joint_1, joint_2; give them after MODEL"),
+        (("query", "planar2"), "0 joint values given; planar2 needs 2: joint_1, joint_2; give"),
         (("path", "planar2", "no.csv"), "no.csv cannot be read: no such file; check the path"),
         (("query", "planar2", "1", "2", "3"), "3 joint values given"),
         (("query", "planar2", "1", "x"), "'x' is no number"),
