@@ -278,3 +278,20 @@ def test_a_name_imports_no_more_than_it_needs():
     loaded = set(python(sys.executable, "-c", code).stdout.split())
     assert "spacearm.model.arm" in loaded
     assert not {"spacearm.planning", "spacearm.motion", "spacearm.plots", "numba"} & loaded
+
+
+@pytest.mark.parametrize(
+    ("words", "idle"),
+    [
+        ("query planar2 --deg 60 70", ("interpolate", "optimize", "special", "stats")),
+        ("simulate planar2 --deg 60 70 --target 1 0 --duration 1", ("stats",)),
+    ],
+)
+def test_a_command_imports_of_scipy_what_it_uses(words, idle, tmp_path):
+    code = (
+        "import sys; from spacearm.cli.app import main; sys.exit = lambda _: print(*sys.modules); "
+    )
+    code += f"sys.argv[1:] = {words.split()}; main()"
+    loaded = set(python(sys.executable, "-c", code, cwd=tmp_path, env=os.environ).stdout.split())
+    assert "pinocchio" in loaded
+    assert not {f"scipy.{part}" for part in idle} & loaded

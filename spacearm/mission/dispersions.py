@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.stats import binomtest
 
 from spacearm.arrays import Array, Parameters, finite, generator, plain, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
@@ -145,6 +144,8 @@ class CatchRuns(Result, kw_only=True):
     @property
     def interval(self) -> tuple[float, float]:
         """Interval of 95 % of the share, of Clopper and Pearson."""
+        from scipy.stats import binomtest  # slow to import
+
         found = binomtest(int(np.sum(self.caught)), len(self.caught)).proportion_ci(0.95)
         return float(found.low), float(found.high)
 

@@ -11,12 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import factorial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.interpolate import BPoly, PPoly
 
 from spacearm.arrays import Array, Booleans, Integers
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 #: Share of a distance that bounds its rounding.
 ROUNDING = 1e-9
@@ -48,11 +50,13 @@ def of_spline(spline: PPoly, off: float) -> Array:
     number = np.arange(len(which)) - np.repeat(np.cumsum(parts) - parts, parts)
     knots = np.append(t[which] + np.diff(t)[which] * number / parts[which], t[-1])
     slopes = [spline(knots[:-1], i) / factorial(i) for i in reversed(range(len(spline.c)))]
-    return _bernstein(PPoly(np.array(slopes), knots))
+    return _bernstein(type(spline)(np.array(slopes), knots))
 
 
 def _bernstein(spline: PPoly) -> Array:
     """Return the Bernstein coefficients (m, d + 1, n) of a piecewise polynomial."""
+    from scipy.interpolate import BPoly  # slow to import
+
     return np.moveaxis(BPoly.from_power_basis(spline).c, 0, 1)
 
 

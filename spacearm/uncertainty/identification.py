@@ -25,7 +25,6 @@ import pinocchio as pin
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation, RotationSpline
-from scipy.stats import truncnorm
 
 from spacearm.arrays import Array, ArrayLike, finite
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
@@ -435,6 +434,8 @@ def _unit(rows: Array) -> Array:
 
 def _normal(mean: float, sd: float, least: float) -> object:
     """Return a normal distribution cut at `least`."""
+    from scipy.stats import truncnorm  # slow to import
+
     return truncnorm((least - mean) / sd, np.inf, mean, sd)
 
 
