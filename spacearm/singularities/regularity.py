@@ -265,9 +265,12 @@ class Momenta:
         inertia = np.max([np.abs(p.inertias).sum(axis=(1, 2)) for p in every], axis=0).sum()
         lever = max(float(np.linalg.norm(p.centres, axis=1).max()) for p in every)
         steps = np.concatenate((every[0].joint_positions, every[0].tip_positions))
-        size = float(np.linalg.norm(steps, axis=1).sum()) + 2.0 * lever
+        slides = self.middle.slides
+        out = np.abs(self.way).max(axis=(0, 1)) * slides * self._gains.sum(axis=0)
+        size = float(np.linalg.norm(steps, axis=1).sum() + out.sum()) + 2.0 * lever
         whole = np.full((6, 6 + self.middle.n), mass * size**2 + float(inertia))
         whole[:3], whole[3:, :3], whole[:3, :3] = mass * size, mass * size, mass
+        whole[:, 6:][:, slides] = np.repeat([[mass], [mass * size]], 3, axis=0)
         whole[:, 6:] *= self._gains.sum(axis=0)
         return np.asarray(whole[:, self._chosen])
 
@@ -397,12 +400,14 @@ def look(uncertain: Family, way: Array, progress: Progress | None = None) -> Fin
         progress: Called as progress(done, 1000), in thousandths of path and parameters.
 
     Raises:
-        UnsupportedError: The arm has several tips or a sliding joint.
+        UnsupportedError: The arm has several tips, or a sliding joint moves.
     """
     arm = uncertain.arm
     arm.require_one_tip()
-    if arm.slides.any():
-        raise UnsupportedError(f"{arm.name}: this proof takes no sliding joints; lock them")
+    if np.ptp(way[..., arm.slides], axis=(0, 1)).any():
+        raise UnsupportedError(
+            f"{arm.name}: this proof takes no sliding joints that move; lock them, or let them stay"
+        )
     momenta = Momenta(uncertain, way)
     most = min(MOST, MOST_ARMS // (1 + sum(map(len, momenta.arms))))
     nothing, known = momenta.first().some(np.s_[:0]), dict[bool, Place]()

@@ -216,7 +216,7 @@ def distance_range(
     nominal = _found(arm, q)
     least, low = shares[int(np.argmin(found))], min(nominal, float(found.min()))
     itself = Finding(False, None, None, 0)
-    with suppress(UnsupportedError):  # several tips, sliding joints: it stays open
+    with suppress(UnsupportedError):  # several tips: it stays open
         itself = look(uncertain, q[None, None])
     if itself.shares is not None:
         least, low = itself.shares, 0.0
@@ -255,7 +255,7 @@ def is_free_for_all(
     proof holds for any value of theirs.
 
     Args:
-        uncertain: An arm with one tip and no sliding joints.
+        uncertain: An arm with one tip; its sliding joints may not move along the path.
         path: (m, n) joint positions, joined by straight segments; or a motion: of plans the way
             that is flown.
         progress: Called as progress(done, 1000), in thousandths of the path and the intervals.
@@ -264,7 +264,7 @@ def is_free_for_all(
         The proof, or values for which the path is singular.
 
     Raises:
-        UnsupportedError: The arm has several tips or a sliding joint, or can never do its task.
+        UnsupportedError: The arm has several tips or can never do its task, or a sliding joint moves.
 
     Example:
         >>> import numpy as np

@@ -98,6 +98,7 @@ def test_distributions_that_make_no_sense_are_refused(arm, spread, message):
 # --- the enclosures -------------------------------------------------------------------------
 
 
+SLIDING = ("revolute", "prismatic")
 SPREADS = {
     "masses": lambda arm: {link: {"mass": 0.2} for link in arm.whole.massive()},
     "one of each kind": lambda arm: {
@@ -110,6 +111,7 @@ ARMS = {
     "mda6": lambda: sa.load("mda6"),
     "position": lambda: load_text(random_chain(3, 3), tip="tip", task="position"),
     "seven joints": lambda: load_text(random_chain(2, 7), tip="tip"),
+    "slides that stay": lambda: load_text(random_chain(5, 6, SLIDING), tip="tip"),
 }
 
 
@@ -121,9 +123,9 @@ def test_matrices_of_random_arms_lie_in_their_enclosures(name, spread, bow):
     """M X - 1 of corners of the box and random places of straight lines and curves."""
     arm, rng = ARMS[name](), np.random.default_rng(7)
     about = sa.uncertain(arm, SPREADS[spread](arm))
-    rows = rng.uniform(-2.0, 2.0, (1, arm.n)) + np.array([[0.0], [1.0]]) * 0.2
+    rows = rng.uniform(-2.0, 2.0, (1, arm.n)) + np.array([[0.0], [1.0]]) * 0.2 * ~arm.slides
     way = rows[0] + np.linspace(0.0, 1.0, 5)[:, None] * (rows[1] - rows[0])
-    way[1:4] += bow * rng.normal(size=(3, arm.n))
+    way[1:4] += bow * rng.normal(size=(3, arm.n)) * ~arm.slides
     momenta = Momenta(about, way[None] if bow else straight(rows))
     low = rng.uniform(0.0, 0.5, (4, len(about.parameters)))
     begin = np.array([0.0, 0.25, 0.5, 0.75])
@@ -304,6 +306,25 @@ def test_the_range_begins_at_zero_where_one_of_the_arms_is_singular(arm):
 
 
 @pytest.mark.slow
+def test_an_arm_that_slides_may_be_singular_at_the_posture_itself():
+    """Not the arm as described, but one of the others."""
+    arm = load_text(random_chain(chosen(50031), 3, SLIDING), tip="tip", task="position")
+    about = sa.uncertain(arm, {link: {"mass": 0.1} for link in arm.whole.massive()})
+    low, high = np.array([[0.0, 0.0, 1.0], [0.3, 0.3, 1.0]])
+    before, after = (sa.singularity(arm.at(q)).determinant for q in (low, high))
+    assert before * after < 0.0
+    q = low + before / (before - after) * (high - low)
+    assert sa.singularity(arm.at(q)).distance > 0.0
+    found = sa.distance_range(about, q, samples=1)
+    assert found.singular
+    assert found.low == 0.0
+    shares = [(found.least[p.name] - p.low) / (p.high - p.low) for p in about.parameters]
+    worst = sa.singularity(about.realise(np.clip(shares, 0.0, 1.0)).at(q))
+    assert worst.sigma_min < 1e-9 * worst.sigma[0]
+    assert sa.distance_range(about, low - 1.0, samples=1).regular
+
+
+@pytest.mark.slow
 def test_shells_become_bands_around_those_of_the_arm(arm):
     about = sa.uncertain(arm, {"link_2": {"mass": 0.1}})
     bands = sa.shell_bands(about, samples=4)
@@ -338,8 +359,7 @@ def test_bad_input(arm, about):
     sliding = load_text(random_chain(chosen(5), 6, ("revolute", "prismatic")), tip="tip")
     unsure = sa.uncertain(sliding, {sliding.whole.massive()[0]: {"mass": 0.1}})
     with pytest.raises(sa.UnsupportedError, match="sliding"):
-        sa.is_free_for_all(unsure, np.zeros((2, 6)))
-    assert not sa.distance_range(unsure, np.zeros(6), samples=1).regular
+        sa.is_free_for_all(unsure, [np.zeros(6), np.ones(6)])
     never = sa.uncertain(sa.load("planar2", task="x y rz"), {"link_1": {"mass": 0.1}})
     with pytest.raises(sa.UnsupportedError):
         sa.is_free_for_all(never, np.zeros((2, 2)))
