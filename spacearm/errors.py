@@ -166,7 +166,7 @@ def listed(names: Collection[str], of: int | None = None) -> str:
 def type_of(thing: object) -> str:
     """Return what a thing is, with an article, as "an int"."""
     name = type(thing).__name__
-    return f"{'an' if name[0] in 'AEIOaeio' else 'a'} {name}"
+    return f"{'an' if name[0] in 'AEIOUaeio' else 'a'} {name}"
 
 
 def shortened(text: str, most: int = LONGEST) -> str:

@@ -127,12 +127,19 @@ def _beside(path: Path) -> Iterator[tuple[Path, Path]]:
         beside.open("xb").close()
         yield target, beside
     except (OSError, ValueError) as error:  # ValueError: no file can have that name
-        why = getattr(error, "strerror", None) or error
-        raise SpaceArmError(f"{path} cannot be written: {why}") from None
+        raise _unwritten(path, error) from None
     finally:
         if beside:
             with suppress(OSError):
                 beside.unlink()
+
+
+def _unwritten(path: Path, error: OSError | ValueError) -> SpaceArmError:
+    """Return the error for what cannot be written, with the remedy where it is another folder."""
+    why = getattr(error, "strerror", None) or error
+    where = isinstance(error, FileNotFoundError | NotADirectoryError | PermissionError)
+    remedy = "; name a file in a folder that there is and that you may write to" if where else ""
+    return SpaceArmError(f"{path} cannot be written: {why}{remedy}")
 
 
 def write_folder(path: Path, fill: Callable[[Path], object], mark: str) -> Path:
@@ -161,8 +168,7 @@ def write_folder(path: Path, fill: Callable[[Path], object], mark: str) -> Path:
                 target.rename(Path(beside, "before"))
             made.rename(target)
     except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise SpaceArmError(f"{path} cannot be written: {why}") from None
+        raise _unwritten(path, error) from None
     return path
 
 

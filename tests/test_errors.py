@@ -241,6 +241,19 @@ FIRST_DAY = {
         lambda: sa.uncertain(arm(), 0.1),
         r'spread is 0.1; give .*such as {"link_2":{"mass":0.05}}',
     ),
+    "a model for an arm to mount": (
+        lambda: sa.mount("planar2", sa.Bus(mass=9, size=(1, 1, 1))),
+        r"planar2 has a spacecraft; sa.load\('planar2'\) loads it",
+    ),
+    "a robot for a study": (lambda: sa.Study.read(arm().path), r"the study \S+urdf is not TOML"),
+    "an uncertain arm to view": (
+        lambda: sa.view(sa.uncertain(arm(), {"link_1": {"mass": 0.1}})),
+        "an UncertainArm cannot be shown; give a SpaceArm",
+    ),
+    "a number for a path": (
+        lambda: sa.view(arm(), open=False).save(3),
+        "save: path is 3; give a text or a path",
+    ),
     "a tensor with a gradient": (lambda: arm().at(Gradient()), "q holds no numbers: .*grad"),
     "the same in a batch": (lambda: sa.evaluate(arm(), Gradient()), "Q"),
 }

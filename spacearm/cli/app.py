@@ -148,13 +148,15 @@ def main() -> None:
 
 def _refused(error: TyperException) -> str:
     """Return the message of the parser; words that are left over are named, options as such."""
-    message = error.format_message()
-    left = re.match(r"Got unexpected extra arguments?(?:\(s\))? \((\S+)", message)
-    if not left:
-        return message
-    word = left[1].rstrip(")")
-    option = word.startswith("-") and not NUMBER.fullmatch(word)
-    return f"{word!r} is {'no option' if option else 'more than is taken'} here; see --help"
+    message = error.format_message().rstrip(".")
+    extra = r"(?:Got unexpected extra arguments?(?:\(s\))? \(|No such option: )(\S+)"
+    left = re.match(extra, message)
+    if left and "Did you mean" not in message:
+        word = left[1].rstrip(")")
+        option = word.startswith("-") and not NUMBER.fullmatch(word)
+        message = f"{word!r} is {'no option' if option else 'more than is taken'} here"
+    message = re.sub(r"is not a valid (?:int\w*|float)(?: range)?$", "is no such number", message)
+    return message if message.endswith("?") else f"{message}; see --help"
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:

@@ -135,8 +135,11 @@ def find_arm(arm: RobotSource) -> ArmInfo | None:
     """Return the arm of a name, or None for the path of a file or a model of Pinocchio.
 
     Raises:
-        ModelError: It is neither, or the data of the arm is not installed.
+        ModelError: It is neither, or the name of a model with a spacecraft, or the data of the arm
+            is not installed.
     """
+    if isinstance(arm, str) and arm not in arms_by_name() and arm in models_by_name():
+        raise ModelError(f"{arm} has a spacecraft; sa.load({arm!r}) loads it, with its arm")
     info = _named("arm", arm, arms_by_name())
     if info and not info.path.is_file():
         raise ModelError(f"no {info.path} of {info.name}; pip install 'example-robot-data>=6,<7'")

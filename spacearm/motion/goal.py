@@ -169,8 +169,8 @@ def goal_of(arm: SpaceArm, values: Array, name: str) -> Goal:
     rows = arm.task.indices[: len(arm.task.rows)]
     if len(values) != len(rows):
         raise ConfigurationError(
-            f"{name} has {len(values)} numbers; the task of {arm.name} takes {len(rows)}: "
-            f"{' '.join(arm.task.rows)}"
+            f"{name} has {len(values)} number{'s' * (len(values) != 1)}; the task of {arm.name} "
+            f"takes {len(rows)}: {' '.join(arm.task.rows)}"
         )
     if max(rows) < 3:
         return values

@@ -143,8 +143,10 @@ def read(path: str | os.PathLike[str]) -> Arrays:
             held = sum(entry.file_size for entry in entries)
             packed = held > os.fstat(file.fileno()).st_size
             arrays = {} if packed else dict(archive)
-    except Exception as error:  # whatever zipfile and NumPy make of a damaged file
+    except OSError as error:
         raise ValueError(str(error)) from None
+    except Exception as error:  # whatever zipfile and NumPy make of a damaged file
+        raise ValueError(f"{error}; give an .npz file that its save wrote") from None
     if odd := [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]:
         raise ValueError(f"{odd[0][:60]!r} is no array")
     if packed:

@@ -136,7 +136,9 @@ class Study:
             ConfigurationError: The file cannot be read.
             SpaceArmError: As `parse` does.
         """
-        return cls.parse(text_of(path, "study"), Path(path).resolve().parent)
+        text = text_of(path, "study")
+        parse(text, f"the study {path}")
+        return cls.parse(text, Path(path).resolve().parent)
 
     @classmethod
     def parse(cls, text: str, folder: str | os.PathLike[str] = ".") -> Study:

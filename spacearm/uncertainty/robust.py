@@ -264,7 +264,7 @@ def is_free_for_all(
         The proof, or values for which the path is singular.
 
     Raises:
-        UnsupportedError: The arm has several tips or can never do its task, or a sliding joint moves.
+        UnsupportedError: The arm has several tips, can never do its task, or a sliding joint moves.
 
     Example:
         >>> import numpy as np

@@ -25,6 +25,7 @@ from spacearm.mission.catch_report import Catch
 from spacearm.model.arm import Configuration
 from spacearm.motion.flights import Flight
 from spacearm.motion.motion import Motion
+from spacearm.signatures import checked
 from spacearm.viewer.choices import chosen, number, offered
 from spacearm.viewer.jobs import BackgroundJob, layer, planning
 from spacearm.viewer.layers import LAYERS
@@ -43,6 +44,7 @@ MOST_OF_GIF = 50.0
 MOST_PICTURES = 3000
 
 
+@checked
 class Viewer:
     """A scene of one arm: in the browser, in a notebook, in a file.
 

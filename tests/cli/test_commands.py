@@ -145,7 +145,10 @@ def test_files_to_write_are_tested_before_anything_is_read(name, option, tmp_pat
     suffix = ".npz" if option == "--save" and name not in ("box", "view") else ".png"
     run = spacearm(name, "no_such_model", option, tmp_path / "none" / f"file{suffix}")
     assert run.returncode == 2
-    assert f"file{suffix} cannot be written: No such file or directory" in run.stderr
+    assert (
+        f"file{suffix} cannot be written: No such file or directory; name a file in a folder"
+        in run.stderr
+    )
 
 
 def test_all_options_that_write_are_known():
