@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import io
+import multiprocessing
 import os
-import subprocess
+import runpy
 import sys
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
 from pathlib import Path
 
-MISSING = "UnsupportedError", "ModuleNotFoundError"
-"""Errors of an example whose extra is not installed."""
+import spacearm as sa
+
+FORKS = multiprocessing.get_context("forkserver")
+"""Processes that have imported already what most examples and scenes use."""
+FORKS.set_forkserver_preload(["recorded", "spacearm.plots.drawings", "sphinx.cmd.build"])
 
 
 def jobs(docs: Path) -> list[Callable[[], None]]:
@@ -26,22 +33,30 @@ def _keep(folder: Path, path: Path) -> None:
     """Write what an example prints, unless that is newer than the example.
 
     Raises:
-        RuntimeError: The example fails or warns.
+        RuntimeError: The example warns; any other, that of the example.
     """
     said = folder / f"{path.stem}.txt"
     if not said.exists() or said.stat().st_mtime < path.stat().st_mtime:
-        said.write_text(_output(path.resolve(), folder), encoding="utf-8")
+        said.write_text(forked(_output, path.resolve(), folder), encoding="utf-8")
+
+
+def forked(function: Callable[..., str], *args: object) -> str:
+    """Return what a function returns in a process of its own."""
+    with ProcessPoolExecutor(1, FORKS) as pool:
+        return pool.submit(function, *args).result()
 
 
 def _output(path: Path, folder: Path) -> str:
-    """Run an example and return what it prints."""
-    run = subprocess.run(
-        [sys.executable, path],
-        cwd=folder, env=os.environ | {"MPLBACKEND": "Agg"}, capture_output=True, text=True,
-    )  # fmt: skip
-    last = run.stderr.strip().rpartition("\n")[2]
-    if run.returncode and any(name in last for name in MISSING):
-        return f"(not run here: {last.partition(': ')[2]})\n"
-    if run.returncode or "Warning: " in run.stderr:
-        raise RuntimeError(f"{path} fails or warns: {run.stderr}")
-    return run.stdout
+    """Run an example as the program of this process and return what it prints."""
+    os.chdir(folder)
+    os.environ["MPLBACKEND"] = "Agg"
+    sys.argv = [str(path)]
+    said, told = io.StringIO(), io.StringIO()
+    try:
+        with redirect_stdout(said), redirect_stderr(told):
+            runpy.run_path(str(path), run_name="__main__")
+    except (sa.UnsupportedError, ModuleNotFoundError) as error:  # an extra is not installed
+        return f"(not run here: {error})\n"
+    if "Warning: " in told.getvalue():
+        raise RuntimeError(f"{path} warns: {told.getvalue()}")
+    return said.getvalue()

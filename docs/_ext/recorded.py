@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -11,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import spacearm as sa
+from examples import forked
 from spacearm.viewer.viewer import Viewer
 
 
@@ -58,9 +57,9 @@ def jobs(docs: Path) -> list[Callable[[], None]]:
 def _keep(page: Path) -> None:
     """Record a scene, unless its page is newer than this module."""
     if not page.exists() or page.stat().st_mtime < Path(__file__).stat().st_mtime:
-        subprocess.run([sys.executable, __file__, page], check=True)
+        forked(_record, page)
 
 
-if __name__ == "__main__":
-    written = Path(sys.argv[1])
-    SCENES[written.stem]().save(written)
+def _record(page: Path) -> str:
+    SCENES[page.stem]().save(page)
+    return page.name
