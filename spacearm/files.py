@@ -12,10 +12,15 @@ from secrets import token_hex
 from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO
 
+import numpy as np
+import numpy.typing as npt
+from numpy.lib.npyio import NpzFile
+
 from spacearm.errors import SpaceArmError
 
 #: Largest size of a file that people write: a URDF, a study, a list of points [bytes].
 LARGEST_TEXT = 10**7
+SILENT = "a device or a pipe; save what it gives as a file"
 
 
 def opened(path: Path) -> BinaryIO:
@@ -30,8 +35,8 @@ def opened(path: Path) -> BinaryIO:
     except FileNotFoundError:
         raise FileNotFoundError("no such file; check the path") from None
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
-        raise OSError("a device or a pipe; save what it gives as a file")
-    return path.open("rb")
+        raise OSError(SILENT)
+    return open(path, "rb", opener=lambda name, how: os.open(name, how | os.O_NONBLOCK))
 
 
 def read(path: Path, most: int = LARGEST_TEXT) -> bytes:
@@ -47,9 +52,40 @@ def read(path: Path, most: int = LARGEST_TEXT) -> bytes:
     """
     with opened(path) as file:
         content = file.read(most + 1)
+    if content is None:  # of those of the system some have nothing to give as yet
+        raise OSError(SILENT)
     if len(content) > most:
         raise OSError(f"larger than {most / 1e6:g} MB")
     return content
+
+
+def arrays_in(path: Path, most: int | None = None) -> dict[str, npt.NDArray[Any]]:
+    """Read the arrays of a NumPy archive.
+
+    Args:
+        path: The file.
+        most: Largest size of the arrays [bytes]; that of the file if None: nothing is compressed.
+
+    Raises:
+        ValueError: It cannot be read, is none of NumPy's archives of plain arrays, or holds more.
+    """
+    try:
+        with opened(path) as file, NpzFile(file, allow_pickle=False) as archive:
+            entries = archive.zip.infolist() if archive.zip else []
+            held = sum(entry.file_size for entry in entries)
+            packed = held > (most or os.fstat(file.fileno()).st_size)
+            arrays = {} if packed else dict(archive)
+    except OSError as error:
+        raise ValueError(str(error)) from None
+    except Exception as error:  # whatever zipfile and NumPy make of a damaged file
+        raise ValueError(f"{error}; give an .npz file that its save wrote") from None
+    if packed and most:
+        raise ValueError(f"it holds {held / 1e9:.3g} GB, and {most / 1e9:g} GB at most are read")
+    if packed:
+        raise ValueError("it holds more data than it has bytes (compressed?); write it by save")
+    if odd := [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]:
+        raise ValueError(f"{odd[0][:60]!r} is no array")
+    return arrays
 
 
 def xml(content: bytes, bare: bool = False) -> Any:

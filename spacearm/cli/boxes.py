@@ -48,7 +48,7 @@ def find_box(
         clearance: Least distance from any posture in the ranges to a singular one [rad], with --deg
             in degrees.
         save (TOML): Write the ranges to a TOML file.
-        urdf: Write the robot with the ranges as its limits.
+        urdf (URDF): Write the robot with the ranges as its limits.
     """
     if motion is not None and q:
         raise sa.ConfigurationError("joint values and --motion are both given; give one of them")

@@ -320,11 +320,11 @@ def write_report(
 
 
 def _describing(words: Sequence[str]) -> list[str]:
-    """Return the words of a command line that describe the arm."""
+    """Return the words of a command line that describe the arm; commands of the report: radians."""
     told: list[str] = []
     skipping = False
     for word in join_numbers(words):
-        if not skipping and word not in ("-o", "--output") and not NUMBER.fullmatch(word):
+        if not (skipping or word in ("-o", "--output", "--deg") or NUMBER.fullmatch(word)):
             told.append(word)
         skipping = word in ("-o", "--output")
     return [word for word in told if not word.startswith("--output=")]

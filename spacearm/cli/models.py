@@ -80,7 +80,7 @@ def write_model(
     the arm if --name gives one, or the bus has one of them already.
 
     Options:
-        output (FILE): The URDF to write.
+        output (URDF): The URDF to write.
         home (JOINT=VALUE): Position at which a joint rests: where it is held if it does not count,
             and where the viewer begins; may be repeated.
     """

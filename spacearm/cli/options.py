@@ -71,31 +71,27 @@ MaybeMode = Annotated[
 ]
 
 
-def to_write(path: Path | None) -> Path | None:
-    """Refuse a file that cannot be written, before anything is computed."""
+def to_write(param: typer.CallbackParam, path: Path | None) -> Path | None:
+    """Refuse a file that cannot be written, or not of a kind of its metavar: before the work."""
     if path is not None:
+        kinds = [f".{kind.lower()}" for kind in (param.metavar or "").split("|")]
+        if path.suffix.lower() not in kinds:
+            of = f"{param.opts[0]} {path}"
+            raise sa.ConfigurationError(f"{of}: {unknown('suffix', path.suffix, kinds)}")
         writable(path)
     return path
 
 
-def _picture(path: Path | None) -> Path | None:
-    """Refuse a picture that cannot be written, or whose suffix is none of a picture."""
-    if path is not None and path.suffix.lower() not in PICTURES:
-        raise sa.ConfigurationError(f"--output {path}: {unknown('suffix', path.suffix, PICTURES)}")
-    return to_write(path)
-
-
-def motion_to_write(path: Path | None) -> Path | None:
+def motion_to_write(param: typer.CallbackParam, path: Path | None) -> Path | None:
     """Refuse the file of a motion that cannot be written."""
     if path is not None:
         check_suffix(path)
-    return to_write(path)
+    return to_write(param, path)
 
 
-PICTURES = (".png", ".svg", ".pdf")
 Picture = Annotated[
     Path | None,
-    typer.Option("--output", help="Picture: PNG, SVG or PDF by its suffix.", callback=_picture),
+    typer.Option("--output", help="Picture.", metavar="PNG|SVG|PDF", callback=to_write),
 ]
 Save = Annotated[
     Path | None, typer.Option(help="Write the motion.", metavar="NPZ", callback=motion_to_write)

@@ -189,7 +189,7 @@ def draw_singular_map(
         axes (A B): The two joints, by name or as q1 q2; by default those along which sigma_min
             changes most.
         fix (JOINT=VALUE): Position of another joint; may be repeated.
-        npz: Write the numbers to a NumPy archive.
+        npz (NPZ): Write the numbers to a NumPy archive.
         points: Grid points along each joint.
     """
     fixed = {joint_name(arm, name): value for name, value in opt.assignments("--fix", fix).items()}

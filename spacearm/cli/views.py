@@ -49,8 +49,8 @@ def view_configuration(
         no_open: Serve the page, do not open a browser.
         save (HTML): Write one self-contained page and exit.
         png (PNG): Write a picture and exit.
-        video (FILE): Write a video of the motion and exit: .mp4, .webm or .gif; or .zip of
-            pictures; 25 per second.
+        video (MP4|WEBM|GIF|ZIP): Write a video of the motion and exit, or pictures (ZIP); 25 per
+            second.
     """
     with undisturbed():
         if motion:
@@ -74,7 +74,9 @@ def view_configuration(
         out.print(f"wrote {viewer.png(png)}")
     if video:
         what, film = (
-            ("pictures", viewer.frames) if video.suffix == ".zip" else ("video", viewer.video)
+            ("pictures", viewer.frames)
+            if video.suffix.lower() == ".zip"
+            else ("video", viewer.video)
         )
         with working(what) as progress:
             film(video, progress=progress)

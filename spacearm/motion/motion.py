@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, fields, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -14,6 +15,7 @@ from scipy.interpolate import BPoly, BSpline, CubicSpline, PPoly
 
 from spacearm.arrays import Array, ArrayLike, finite, numbers_of, plain, read_only, shape_of
 from spacearm.errors import ConfigurationError, listed
+from spacearm.files import arrays_in
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import momentum_and_torque
 from spacearm.mechanics.jacobian import momentum_matrix, singular_values
@@ -313,19 +315,26 @@ class Motion(Result):
             arm: The arm of the motion, with the same joints.
 
         Raises:
-            ConfigurationError: The file holds no motion of that kind, or one of other joints.
+            ConfigurationError: The file holds no motion of that kind, or one of other joints or
+                wheels.
         """
         what = cls.__name__.lower()
         try:
-            arrays = motion_file.read(path)
+            arrays = arrays_in(Path(path))
             kind = motion_file.kind_of(cls, motion_file.word(arrays, "kind"))
-            joints = motion_file.names(arrays)
-            values = motion_file.values(arrays, kind._layout(arm), len(joints))
-            if joints == arm.joint_names:
+            joints, layout = motion_file.names(arrays), kind._layout(arm)
+            held = motion_file.wheels(arrays, layout)
+            values = motion_file.values(arrays, layout._replace(wheels=held), len(joints))
+            if joints == arm.joint_names and held == layout.wheels:
                 stored = {f.name for f in fields(kind) if f.metadata.get("in_file", True)} - {"arm"}
                 return kind(arm=arm, **{name: values[name] for name in stored})
         except ValueError as error:  # ConfigurationError too
             raise ConfigurationError(f"{path} is no saved {what}: {error}") from None
+        if joints == arm.joint_names:
+            raise ConfigurationError(
+                f"{path} holds a motion of an arm with {held} wheel{'s' * (held != 1)}, and "
+                f"{arm.name} has {layout.wheels}; load it with the same wheels=[...]"
+            )
         raise ConfigurationError(
             f"{path} holds a motion of joints {listed(joints)}; {arm.name} has "
             f"{listed(arm.joint_names)}"

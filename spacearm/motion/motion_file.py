@@ -18,11 +18,10 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar, get_args, get_origin, ge
 
 import numpy as np
 import numpy.typing as npt
-from numpy.lib.npyio import NpzFile
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.files import opened, write
+from spacearm.files import write
 
 Kind = TypeVar("Kind")
 Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
@@ -131,29 +130,6 @@ def save(path: str | os.PathLike[str], motion: Any, layout: Layout) -> None:
     write(Path(path), buffer.getvalue())
 
 
-def read(path: str | os.PathLike[str]) -> Arrays:
-    """Return the arrays of a file that `save` may have written.
-
-    Raises:
-        ValueError: The file cannot be read, or is none of NumPy's archives of plain arrays.
-    """
-    try:
-        with opened(Path(path)) as file, NpzFile(file, allow_pickle=False) as archive:
-            entries = archive.zip.infolist() if archive.zip else []
-            held = sum(entry.file_size for entry in entries)
-            packed = held > os.fstat(file.fileno()).st_size
-            arrays = {} if packed else dict(archive)
-    except OSError as error:
-        raise ValueError(str(error)) from None
-    except Exception as error:  # whatever zipfile and NumPy make of a damaged file
-        raise ValueError(f"{error}; give an .npz file that its save wrote") from None
-    if odd := [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]:
-        raise ValueError(f"{odd[0][:60]!r} is no array")
-    if packed:
-        raise ValueError("it holds more data than it has bytes (compressed?); write it by save")
-    return arrays
-
-
 def word(arrays: Arrays, name: str) -> str:
     """Return the word in an array.
 
@@ -173,6 +149,16 @@ def names(arrays: Arrays, which: str = "joints") -> tuple[str, ...]:
     if found.dtype.kind != "U" or found.itemsize == 0:  # no letters, no bytes: any number of them
         raise ValueError(f"{which} holds {found.dtype} of shape {found.shape}, not names")
     return tuple(str(name) for name in found.ravel())
+
+
+def wheels(arrays: Arrays, layout: Layout) -> int:
+    """Return how many wheels the arm has whose motion the arrays are; none told: the layout's."""
+    told = [
+        arrays[name]
+        for name, q in layout.quantities.items()
+        if q.columns == "wheel" and name in arrays
+    ]
+    return told[0].shape[1] if told and told[0].ndim == 2 else layout.wheels
 
 
 def values(arrays: Arrays, layout: Layout, n: int) -> dict[str, Any]:

@@ -22,7 +22,7 @@ import scipy.sparse as sp
 
 from spacearm.arrays import Array, ArrayLike, Booleans, Integers, Progress, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, StoppedError, StoreError
-from spacearm.files import write
+from spacearm.files import arrays_in, write
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales, joint_vector
@@ -45,6 +45,8 @@ SHARE, MOST = 0.99, 1_000_000
 TOUCHING = 1e-12
 #: Connected parts that are described.
 MOST_PARTS = 10
+#: Largest size of the cells that a file may hold unpacked [bytes]: some ten million.
+LARGEST = 2 * 10**9
 
 
 class Cells(NamedTuple):
@@ -278,12 +280,14 @@ class FreeBoxes(Result):
             StoreError: The file cannot be read, or is of another arm or mode.
         """
         try:
-            with np.load(Path(path), allow_pickle=False) as file:
-                names = str(file["arm"]), str(file["mode"])
-                bodies = str(file["bodies"])
-                cells = Cells(*(file[name] for name in Cells._fields))
-                endless = tuple(file["endless"].tolist())
-        except (OSError, ValueError, KeyError) as error:
+            file = arrays_in(Path(path), LARGEST)
+            names = str(file["arm"]), str(file["mode"])
+            bodies = str(file["bodies"])
+            cells = Cells(*(file[name] for name in Cells._fields))
+            endless = tuple(file["endless"].tolist())
+        except KeyError as error:
+            raise StoreError(f"{path} holds no boxes: it holds no {error}") from None
+        except ValueError as error:
             raise StoreError(f"{path} holds no boxes: {error}") from None
         if names != (arm.name, mode) or cells.low.shape[1:] != (arm.n,):
             raise StoreError(

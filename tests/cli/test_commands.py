@@ -131,7 +131,7 @@ def test_convert_makes_wheels_of_joints_which_every_command_then_knows(tmp_path)
 
 
 WRITING = sorted(
-    (name, option.opts[0])
+    (name, option.opts[0], option.metavar)
     for name in COMMANDS
     for option in command(name).params
     if re.search(r"\bwrite\b|picture", option.help or "", re.IGNORECASE)
@@ -139,20 +139,23 @@ WRITING = sorted(
 )
 
 
-@pytest.mark.parametrize(("name", "option"), WRITING)
-def test_files_to_write_are_tested_before_anything_is_read(name, option, tmp_path):
+@pytest.mark.parametrize(("name", "option", "kinds"), WRITING)
+def test_files_to_write_are_tested_before_anything_is_read(name, option, kinds, tmp_path):
     """The model does not exist, either: what is said first is what was tested first."""
-    suffix = ".npz" if option == "--save" and name not in ("box", "view") else ".png"
-    run = spacearm(name, "no_such_model", option, tmp_path / "none" / f"file{suffix}")
+    for kind in kinds.lower().split("|"):
+        run = spacearm(name, "no_such_model", option, tmp_path / "none" / f"file.{kind}")
+        assert run.returncode == 2
+        why = "cannot be written: No such file or directory; name a file in a folder"
+        assert f"file.{kind} {why}" in run.stderr
+    run = spacearm(name, "no_such_model", option, tmp_path / "file.odd")
     assert run.returncode == 2
-    assert (
-        f"file{suffix} cannot be written: No such file or directory; name a file in a folder"
-        in run.stderr
-    )
+    assert "file.odd: " in run.stderr  # such a suffix is none of its kinds
+    assert f".{kind}" in run.stderr
 
 
 def test_all_options_that_write_are_known():
-    assert {name for name, _ in WRITING} >= {"box", "convert", "map", "plan", "report", "view"}
+    known = {name for name, *_ in WRITING}
+    assert known >= {"box", "convert", "map", "plan", "report", "view"}
 
 
 def test_exit_codes_for_scripts():

@@ -71,10 +71,12 @@ def test_a_motion_is_shown_beside_another(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["planar2"])
 def test_a_report_is_one_page_with_the_command_of_every_figure(tmp_path, model):
-    run = spacearm("report", model, "-o", "report.html", cwd=tmp_path)
+    run = spacearm("report", model, "-65", "30", "--deg", "-o", "report.html", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     check_page(text)
+    assert "spacearm query planar2 -1.13446 0.523599" in text  # in radians
+    assert "--deg" not in text
     assert "spacearm wheels planar2 --tip-speed 0.1" in text
 
 

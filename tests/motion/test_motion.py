@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import xarray as xr
+from helpers.arms import load_text, with_wheels
 
 import spacearm as sa
 
@@ -170,6 +171,13 @@ def test_a_file_of_another_kind_is_refused(kinds, tmp_path):
         sa.Trajectory.load(path, kinds["Plan"].arm)
     with pytest.raises(sa.ConfigurationError, match="joint_3"):
         sa.Motion.load(path, sa.load("planar3"))
+
+
+def test_a_motion_of_an_arm_with_other_wheels_says_so(tmp_path):
+    arm = load_text(with_wheels("planar2", [(0, 0, 1)]))
+    sa.follow(arm.at([0.3, 1.2]), [(1.5, 1.2)]).save(tmp_path / "m.npz")
+    with pytest.raises(sa.ConfigurationError, match=r"with 1 wheel, and planar2 has 0; .*wheels="):
+        sa.Motion.load(tmp_path / "m.npz", sa.load("planar2"))
 
 
 @pytest.mark.parametrize(

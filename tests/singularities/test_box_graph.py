@@ -1,5 +1,7 @@
 """Boxes as a graph: the parts that are known otherwise, and ways that a certificate proves too."""
 
+import zipfile
+
 import numpy as np
 import pytest
 
@@ -131,3 +133,18 @@ def test_boxes_are_not_those_of_an_arm_of_the_same_name_with_other_masses(planar
         assert other.name == arm.name
         with pytest.raises(sa.StoreError, match="of another planar2"):
             sa.FreeBoxes.load(path, other, "free-floating")
+
+
+def test_files_that_hold_no_boxes_or_too_many_are_told(tmp_path):
+    path, arm = tmp_path / "boxes.npz", sa.load("planar2")
+    for content, why in ((b"x", "not a zip file"), (None, "3 GB, and 2 GB at most")):
+        if content is None:  # a small file that would take 3 GB
+            with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+                packed.writestr("low.npy", b"")
+            # what the directory states is believed before anything is unpacked
+            raw = path.read_bytes()
+            entry = raw.rindex(b"PK\x01\x02") + 24
+            content = raw[:entry] + (3 * 10**9).to_bytes(4, "little") + raw[entry + 4 :]
+        path.write_bytes(content)
+        with pytest.raises(sa.StoreError, match=why):
+            sa.FreeBoxes.load(path, arm, "free-floating")
