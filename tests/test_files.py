@@ -25,6 +25,17 @@ def test_devices_and_pipes_are_not_read(tmp_path, load):
             load(path)
 
 
+def test_what_calls_itself_a_file_and_has_nothing_to_give_is_not_waited_for(tmp_path, monkeypatch):
+    """As /proc/kmsg does."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    monkeypatch.setattr(files.stat, "S_ISREG", lambda _: True)
+    writer = os.open(pipe, os.O_RDWR)
+    with pytest.raises(OSError, match="a device or a pipe"):
+        files.read(pipe)
+    os.close(writer)
+
+
 @pytest.mark.parametrize("load", TEXTS)
 def test_no_more_is_read_than_a_person_writes(tmp_path, load):
     path = tmp_path / "large"
