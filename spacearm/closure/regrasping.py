@@ -19,6 +19,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, ArrayLike, finite, generator, positive, shape_of
 from spacearm.closure.closing import Closure, anywhere, named
 from spacearm.closure.target_paths import with_target
+from spacearm.collisions.bodies import but_for, left_out
 from spacearm.collisions.separation import Collisions
 from spacearm.errors import (
     ConfigurationError,
@@ -158,7 +159,8 @@ class Regrasp(Result, kw_only=True):
     @property
     def not_checked(self) -> str:
         """What the answer does not cover."""
-        return "collisions; " * (not self.checked) + "forces at the grasps that hold"
+        left = left_out(self.checked)
+        return f"{left}; " * bool(left) + "forces at the grasps that hold"
 
     def describe(self) -> Description:
         """Describe the three motions, what is proven of them, and what was tried."""
@@ -181,7 +183,8 @@ class Regrasp(Result, kw_only=True):
         held = listed([tip for tip in self.grasps if tip != self.tip])
         return Description(
             title=f"{self.end.arm.name} and {named(self.target)}",
-            verdict=f"{self.tip} regrasps while {held} holds on, in {self.t[-1]:.4g} s",
+            verdict=f"{self.tip} regrasps while {held} holds on, in {self.t[-1]:.4g} s"
+            f"{but_for(left_out(self.checked))}",
             tone="good",
             notes=[self.checked] if self.checked else [],
             tables=[

@@ -22,6 +22,7 @@ from scipy.special import betaincinv
 from spacearm.arrays import Array, generator
 from spacearm.closure import target_paths
 from spacearm.closure.target_paths import Carrying, FollowedTarget, Frame, TargetCurve
+from spacearm.collisions.bodies import but_for, left_out
 from spacearm.collisions.obstacles import obstacles_of
 from spacearm.collisions.separation import Collisions, Contact, contacts_of
 from spacearm.collisions.swept_motion import Floating
@@ -75,14 +76,17 @@ class TargetPlan(FollowedTarget, kw_only=True):
     @property
     def not_checked(self) -> str:
         """What the answer does not cover."""
-        return "collisions; " * (not self.checked) + target_paths.BETWEEN
+        left = left_out(self.checked)
+        return f"{left}; " * bool(left) + target_paths.BETWEEN
 
     def describe(self) -> Description:
         """Describe the motion, and what was checked of it at the rows and between them."""
         motion = super().describe()
         facts = {"clearance asked for, checked at the rows": Measure(self.clearance, "rad")}
         notes = [*motion.notes, *filter(None, [self.checked])]
-        return replace(motion, notes=notes, tables=[*motion.tables, Table.facts(facts)])
+        verdict = motion.verdict + but_for(left_out(self.checked))
+        tables = [*motion.tables, Table.facts(facts)]
+        return replace(motion, verdict=verdict, notes=notes, tables=tables)
 
 
 class Node(NamedTuple):

@@ -111,6 +111,19 @@ class Bodies:
         return f"collisions checked: {', '.join(filter(None, ways))}{missed}"
 
 
+def left_out(account: str) -> str:
+    """Return what an account of a check left out, in words; empty if nothing, all if it is."""
+    if not account or account.startswith("collisions NOT checked"):
+        return "collisions"
+    left = [part for part in account.split("; ") if part.startswith(LEFT_OUT)]
+    return "".join(left).removeprefix(LEFT_OUT)
+
+
+def but_for(left: str) -> str:
+    """Return the end of a verdict that says what was left out of it; empty if nothing was."""
+    return f"; {LEFT_OUT}{left}" * bool(left)
+
+
 def without_shapes(links: Collection[str]) -> str:
     """Return in words which links have no usable shapes; empty if there are none."""
     return f"links without shapes: {listed(links)}" * bool(links)

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, Integers
-from spacearm.collisions.bodies import LEFT_OUT, Geometry, own_pairs, without_shapes
+from spacearm.collisions.bodies import Geometry, but_for, own_pairs, without_shapes
 from spacearm.collisions.obstacles import Obstacle, ObstacleLike, obstacles_of
 from spacearm.collisions.swept_motion import (
     Floating,
@@ -315,10 +315,9 @@ class CollisionReport(Result):
         if self.contact is not None:
             return str(self.contact)
         a, b = self.nearest
-        left = f"; {LEFT_OUT}{self.not_checked}" * bool(self.unchecked)
         bodies = "bodies with shapes" if self.unchecked else "bodies"
         near = f"{a!r} comes nearest, to {self.distance.min():.4g} m of {b!r}"
-        return f"no {bodies} meet, proven; {near}{left}"
+        return f"no {bodies} meet, proven; {near}{but_for(self.not_checked)}"
 
     def describe(self) -> Description:
         """Describe the verdict, the bodies that come nearest and what was checked."""
@@ -398,14 +397,16 @@ def contact_on(
     thing: Configuration | Motion, obstacles: ObstacleLike | Sequence[ObstacleLike]
 ) -> Contact | None:
     """Return a contact on a motion as `collision_check` does, without distances at its samples."""
-    motion, bodies = _moving(thing, obstacles, ())
+    otherwise = ", or ask for no check: collisions=False"
+    motion, bodies = _moving(thing, obstacles, otherwise=otherwise)
     return bodies.contact(motion)
 
 
 def _moving(
     thing: Configuration | Motion,
     obstacles: ObstacleLike | Sequence[ObstacleLike],
-    touching: Collection[frozenset[str]],
+    touching: Collection[frozenset[str]] = (),
+    otherwise: str = "",
 ) -> tuple[SweptMotion, Collisions]:
     """Return a motion as it is flown, and the bodies that must not meet on it.
 
@@ -420,5 +421,9 @@ def _moving(
         motion = flown if isinstance(flown, SweptMotion) else Recorded(Motion.of(thing))
     bodies = Collisions(motion.arm, obstacles_of(obstacles, motion.arm), touching)
     if not bodies:
-        raise UnsupportedError(f"{motion.arm.name}: {bodies.account}; there is nothing to check")
+        few = "no two bodies with shapes" if bodies.bodies else "no shapes"
+        raise UnsupportedError(
+            f"{motion.arm.name} has {few} that could meet; give its links collision geometry or "
+            f"visuals{otherwise}"
+        )
     return motion, bodies

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, plain
+from spacearm.collisions.bodies import but_for
 from spacearm.errors import NoSolutionError, listed
 from spacearm.mechanics.dynamics import momentum_and_torque, spacecraft_twist
 from spacearm.mechanics.target import Target
@@ -250,7 +251,8 @@ class Catch(Result, kw_only=True):
         columns = (Column("contact", "s"), Column("grapple frame"), Column(""), Column(""))
         return Description(
             title=f"{self.arm.name} and {self.target.name}",
-            verdict=f"caught by {listed(list(self.frames.values()))} after {self.t:.4g} s",
+            verdict=f"caught by {listed(list(self.frames.values()))} after {self.t:.4g} s"
+            f"{but_for(self.plan.not_checked)}",
             tone="good",
             notes=[self.margin, self.plan.checked, self.rest, *self._wheels()],
             tables=[Table.facts(facts), Table(columns, rows, "Tried")],

@@ -12,7 +12,7 @@ import pinocchio as pin
 from scipy.interpolate import BSpline, PPoly
 
 from spacearm.arrays import Array, plain, read_only
-from spacearm.collisions.bodies import LEFT_OUT
+from spacearm.collisions.bodies import but_for, left_out
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.swept_motion import Floating, Flown, SweptMotion
 from spacearm.errors import NoSolutionError
@@ -253,20 +253,12 @@ class Plan(Drifting, kw_only=True):
     @property
     def story(self) -> str:
         """The method that found the plan, its joint travel and its duration, in one line."""
-        return f"{self.method}: {self.travel}, {self.t[-1]:.3g} s{self._left_out}"
+        return f"{self.method}: {self.travel}, {self.t[-1]:.3g} s{but_for(self.not_checked)}"
 
     @property
     def not_checked(self) -> str:
         """What the check of collisions left out; empty if nothing."""
-        if not self.apart:
-            return "collisions"
-        left = [part for part in self.checked.split("; ") if part.startswith(LEFT_OUT)]
-        return "".join(left).removeprefix(LEFT_OUT)
-
-    @property
-    def _left_out(self) -> str:
-        """What was not checked, as the end of a sentence."""
-        return f"; {LEFT_OUT}{self.not_checked}" * bool(self.not_checked)
+        return left_out(self.checked) if self.apart else "collisions"
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, joint travel and certificate too."""
@@ -286,7 +278,7 @@ class Plan(Drifting, kw_only=True):
         met = {True: "none, proven", False: "not proven", None: "not checked"}
         apart = met[self.apart]
         if self.apart and self.not_checked:
-            apart = f"none between the bodies checked, proven{self._left_out}"
+            apart = f"none between the bodies checked, proven{but_for(self.not_checked)}"
         proof = None if self.certificate is None else bool(self.certificate)
         facts: dict[str, Cell] = {
             "singularities": met[proof],
@@ -306,7 +298,8 @@ class Plan(Drifting, kw_only=True):
         tried = [(a.method, "arrives" if a.arrived else "fails", a.story) for a in self.tried]
         return replace(
             motion,
-            verdict=f"planned ({self.method}): {self.travel}, {self.t[-1]:.4g} s{self._left_out}",
+            verdict=f"planned ({self.method}): {self.travel}, {self.t[-1]:.4g} s"
+            f"{but_for(self.not_checked)}",
             notes=[
                 *motion.notes,
                 self.checked,

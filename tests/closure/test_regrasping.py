@@ -64,6 +64,7 @@ def test_a_hand_regrasps_and_the_other_holds_on():
     assert np.abs(flight.momentum).max() < 1e-8
     np.testing.assert_allclose(way.t[-1], flight.t[-1], rtol=1e-9, atol=0)
     assert way.describe().not_checked == "collisions; forces at the grasps that hold"
+    assert way.describe().verdict.endswith("; NOT checked: collisions")
     assert way.to_dict()["tip"] == tip
 
 

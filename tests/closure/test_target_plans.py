@@ -53,6 +53,7 @@ def test_a_panel_goes_round_a_ball_that_is_in_its_straight_way():
     assert max(plan.gap.max(), plan.gap_angle.max()) < 1e-9
     assert plan.closure_distance.min() >= plan.clearance
     assert "collisions" not in plan.not_checked
+    assert "NOT checked" not in plan.describe().verdict
     flows(plan, sa.Constraints().joint_rates(held.arm))
     # what is flown between the rows keeps the grasps closed too, if rates and accelerations agree
     middle = plan.spline(0.5 * (plan.t[1:] + plan.t[:-1]))

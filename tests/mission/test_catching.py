@@ -1,5 +1,6 @@
 """Catches: contact without impact, momentum by parts, limits kept, and clear reasons why not."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -48,6 +49,21 @@ def test_at_contact_the_tip_has_pose_and_twist_of_the_frame(caught):
     np.testing.assert_allclose(twist, np.concatenate((v, w)), rtol=0, atol=2e-6)
     assert caught.place_error < 1e-7
     assert np.abs(caught.twist_error).max() < 2e-6
+
+
+@pytest.mark.parametrize(
+    ("account", "left"),
+    [
+        ("collisions checked: by their visuals bus", ""),
+        ("collisions checked: by their visuals bus; NOT checked: links without shapes: hand",
+         "links without shapes: hand"),
+        ("collisions NOT checked (collisions=False)", "collisions"),
+    ],
+)  # fmt: skip
+def test_the_verdict_says_what_was_not_checked(caught, account, left):
+    found = replace(caught, plan=replace(caught.plan, checked=account))
+    assert found.describe().verdict.partition("; ")[2] == f"NOT checked: {left}" * bool(left)
+    assert found.not_checked.startswith(left or "torques")
 
 
 def test_the_way_is_one_from_the_start_to_contact(caught):
