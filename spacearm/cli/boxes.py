@@ -41,9 +41,9 @@ def find_box(
     Options:
         motion: A saved motion.
         widest (JOINT): Joint whose range grows first; may be repeated.
-        uncertain (LINK[:KIND]=SPREAD): Hold for all masses of a link, as a share up or down or from
-            one to another [kg]; likewise its inertia, of which the bounds are factors, and com, up
-            or down each axis [m]; may be repeated.
+        uncertain (LINK[:KIND]=SPREAD): Prove for all masses of a link: a share up or down, or two
+            bounds [kg]. LINK:inertia likewise, with factors as bounds; LINK:com up or down each axis
+            [m]. May be repeated.
         at_least: Width that all ranges must have [rad], with --deg in degrees.
         clearance: Least distance from any posture in the ranges to a singular one [rad], with --deg
             in degrees.
@@ -86,14 +86,14 @@ def cover_by_boxes(
 ) -> Answer:
     """Cover joint space by ranges free of singular postures.
 
-    With --to, it also finds a way from one posture to another. Everything is proven, rounding
+    With --to, it also finds a path from one posture to another. Everything is proven, rounding
     included. Ctrl-C keeps the ranges found so far.
 
     Options:
-        to (Q1,Q2,...): Find a way through the ranges to these joint values.
-        way (CSV): Write this way to a CSV file [rad], [m]; `spacearm path` takes it.
+        to (Q1,Q2,...): Find a path through the ranges to these joint values.
+        way (CSV): Write this path to a CSV file [rad], [m]; `spacearm path` takes it.
         share: Share of the joint range to cover, up to 1.
-        most: Largest number of cells to look at, those that are halved included.
+        most: Largest number of cells to look at, including those that are halved.
         keep (NPZ): Write the ranges to this file; if it exists, resume from its contents.
             spacearm plan --with search.boxes=FILE goes through them.
     """

@@ -79,18 +79,18 @@ def find_catch(
 ) -> Answer:
     """Find when and how the arm catches a tumbling target.
 
-    The tip has the target's velocity at contact; then the joints brake both.
+    At contact the tip has the target's velocity; then the joints brake arm and target.
 
     --with gives what else sa.catch takes: start, approach, closing, touching, bears, wanted,
     mode, constraints, search; and, by grapple=[{"left":"a"},{"right":"b"}], tips that grasp one
     after the other.
 
     Options:
-        target (TOML): The target, by the names of sa.Target: body (a robot file, or mass, size,
+        target (TOML): The target, with the names of sa.Target: body (a robot file, or mass, size,
             inertia, com), pose, twist, grapples, orbit.
         window (FROM,TO): Earliest and latest contact [s].
-        grapple (FRAME|TIP=FRAME): Grapple frame to grasp; any of them by default. Of several tips
-            that grasp at the same time the frame of each, once for each tip.
+        grapple (FRAME|TIP=FRAME): Grapple frame to grasp; any of them by default. With
+            several tips that grasp at the same time, once for each tip.
         fly: Simulate the catch, from the approach to rest; --save gives each phase a file.
     """
     by_tip = _by_tip("--grapple", grapple or [])
@@ -147,24 +147,24 @@ def hold_target(
     save: opt.Written = None,
     deg: bool = False,
 ) -> Answer:
-    """Find a posture in which tips hold a target; what they can do.
+    """Find a posture in which tips hold a target, and what they can do.
 
-    Joints and target move from a rough start until all grasps are closed. Then it is said whether
-    the closed chain is singular, what is lost, and the way out.
+    Joints and target move from a rough start until all grasps are closed. The answer says whether
+    the closed chain is singular, what is lost, and which motion leads away.
 
-    --with gives more of what sa.hold takes: start, limits, seed; exact, false to estimate the
-    distance only and find no nearest singular posture; and regrasp, a table of what Held.regrasp
-    takes: regrasp.tip=left regrasp.grasp=ring. Then it is planned how that hand regrasps, and the
-    posture that is written is the one after that.
+    --with gives what else sa.hold takes: start, limits, seed. exact=false only estimates the
+    distance, without a search for the nearest singular posture. regrasp.tip=left and
+    regrasp.grasp=ring, or a table regrasp of what Held.regrasp takes, plan how that hand regrasps;
+    --save then writes the posture after it.
 
     Options:
-        target (TOML): What is held, and roughly where, by the names of sa.Target, as of spacearm
-            catch; without it the fixed world is held, such as handrails of a station.
-        grasp (TIP=FRAME|TIP=X,Y,Z[,R,P,Y]): What a tip holds: a grapple frame of the target, or a
-            pose in its frame, of the fixed world in the inertial frame; once for each tip. Not
-            needed of a robot whose file closes a chain, or --tip LINK=LINK.
-        fixed: Keep the target where it is; of the fixed world, keep the spacecraft.
-        save (TOML): Write the posture, which commands take in place of joint values.
+        target (TOML): What is held, and roughly where, with the names of sa.Target, as for
+            spacearm catch; without it the fixed world is held, such as handrails of a station.
+        grasp (TIP=FRAME|TIP=X,Y,Z[,R,P,Y]): What a tip holds: a grapple frame of the target, or
+            a pose in the target's frame (for the fixed world in the inertial frame); once for each
+            tip. Not needed if the file closes a chain, or with --tip LINK=LINK.
+        fixed: Keep the target where it is; if the fixed world is held, keep the spacecraft.
+        save (TOML): Write the posture; commands take the file in place of joint values.
     """
     given = {tip: frame for tip, _, frame in (text.partition("=") for text in grasp or [])}
     if given and set(arm.tips) != set(given):

@@ -76,13 +76,13 @@ def write_model(
 ) -> None:
     """Write a robot, or an arm on a bus (--bus), as a URDF.
 
-    What moves keeps the names that it has in the arm's file; all its names start with the name of
-    the arm if --name gives one, or the bus has one of them already.
+    Joints and moving links keep their names from the arm's file. If --name is given, or the bus has
+    one of these names already, all of them get the arm's name as a prefix.
 
     Options:
         output (URDF): The URDF to write.
-        home (JOINT=VALUE): Position at which a joint rests: where it is held if it does not count,
-            and where the viewer begins; may be repeated.
+        home (JOINT=VALUE): Home position of a joint: where it is held if it does not count, and
+            where the viewer begins; may be repeated.
     """
     known = arm.whole.joints
     positions = opt.assignments("--home", home).items()

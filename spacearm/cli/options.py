@@ -160,20 +160,20 @@ def arm_from(
         model (MODEL): Catalogue name (spacearm models) or robot file.
         tip (LINK,LINK|LINK=LINK): Link whose frame is the tip, or several; LINK=LINK are two that
             hold each other, a closed chain.
-        task (ROWS[/LENGTH]): Rows: "x y rz", pose, position, orientation; then /LENGTH that the
-            linear rows of a mixed task are divided by [m].
-        joints (tip|all|NAME,NAME): Joints that count besides those on the way to the tip; the
+        task (ROWS[/LENGTH]): Rows: "x y rz", pose, position, orientation; then /LENGTH [m], by
+            which the linear rows of a mixed task are divided.
+        joints (tip|all|NAME,NAME): Joints that count besides those between spacecraft and tip; the
             others are held.
         lock (JOINT=VALUE): Lock a joint; may be repeated.
         wheel (JOINT[=TORQUE,MOMENTUM]): Take a joint as a momentum wheel, with these limits [N m],
             [N m s] or its own; may be repeated.
         check (error|warn|accept): What to do about physically impossible inertias.
         bus (KG|KG:X,Y,Z|FILE[@X,Y,Z[,R,P,Y]]): Mount MODEL, an arm alone, on a bus: a solid box of
-            this mass [kg] and these edges [m], or a robot file or catalogue name; after @ the place
-            and the roll, pitch, yaw of the arm's base on it, the top of a box by default.
+            this mass [kg] and these edges [m], or a robot file or catalogue name; after @ the
+            position and the roll, pitch, yaw of the arm's base on it, the top of a box by default.
         arg (NAME:=VALUE): Argument of a xacro source; may be repeated.
         density (RHO): Density [kg/m^3] of links without inertial data.
-        name: Name of the arm that --bus mounts, which all its names then start with.
+        name: Name of the arm that --bus mounts; all its joints and links get it as a prefix.
         deg: Angles are in degrees, given and printed (not --json).
     """
     wheels, locked = _wheels(wheel), assignments("--lock", lock)

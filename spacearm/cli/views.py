@@ -35,7 +35,7 @@ def view_configuration(
 ) -> None:
     """Show a posture or play a motion in the browser.
 
-    The page has sliders for the joints. Of a robot whose file closes a chain they keep it closed.
+    The page has sliders for the joints. If the robot's file closes a chain, they keep it closed.
     Ctrl-C closes the page.
 
     Options:
