@@ -67,7 +67,7 @@ class ImpossibleError(NoSolutionError):
 class StoppedError(KeyboardInterrupt):
     """Ctrl-C has stopped a computation; what there was by then is kept.
 
-    It is a KeyboardInterrupt, which no `except Exception` holds up.
+    It is a KeyboardInterrupt, so that `except Exception` does not catch it.
 
     Attributes:
         best: The result as far as it had come.

@@ -42,8 +42,8 @@ def find_box(
         motion: A saved motion.
         widest (JOINT): Joint whose range grows first; may be repeated.
         uncertain (LINK[:KIND]=SPREAD): Prove for all masses of a link: a share up or down, or two
-            bounds [kg]. LINK:inertia likewise, with factors as bounds; LINK:com up or down each axis
-            [m]. May be repeated.
+            bounds [kg]. LINK:inertia likewise, with factors as bounds; LINK:com up or down each
+            axis [m]. May be repeated.
         at_least: Width that all ranges must have [rad], with --deg in degrees.
         clearance: Least distance from any posture in the ranges to a singular one [rad], with --deg
             in degrees.

@@ -147,7 +147,7 @@ def hold_target(
     save: opt.Written = None,
     deg: bool = False,
 ) -> Answer:
-    """Find a posture in which tips hold a target, and what they can do.
+    """Find how tips hold a target, and what they can do.
 
     Joints and target move from a rough start until all grasps are closed. The answer says whether
     the closed chain is singular, what is lost, and which motion leads away.

@@ -57,9 +57,9 @@ class HeldReport(results.Result):
             not count then.
         kind: "regular"; "closure" if the grasps lose rank, so that a squeeze needs no torque;
             else "kinematic" if it is singular with the spacecraft fixed too; else "dynamic".
-        distance: How far the nearest singular posture along closure is [rad]: with `nearest` that
-            of the one found, so that none that is nearest of all is farther; else to first order,
-            an estimate. inf where no small motion along closure reaches one.
+        distance: How far the nearest singular posture along closure is [rad]. If `nearest` is
+            there, it is the distance of that one, so the nearest of all is no farther; else an
+            estimate to first order. inf where no small motion along closure reaches one.
         distance_proven: No singular posture is nearer than this [rad], proven, closed or not; zero
             where nothing is proven, as without `exact`.
         away: (n,) joint motion [rad] or [m] along closure, per radian, that leads away from it.
@@ -293,8 +293,8 @@ class ClosedMap(results.Result):
 
     Attributes:
         configuration: The configuration in the middle.
-        target: What is held, where it is there; None for the fixed world, of which the spacecraft
-            moves.
+        target: What is held, at its pose in the middle; None for the fixed world, where the
+            spacecraft moves instead.
         mode: What the spacecraft does.
         axes: The two directions, rows of the task.
         moves: (2, N) how far it is moved along, or turned about, each [m] or [rad].

@@ -77,7 +77,7 @@ class Held(Result):
 
     @property
     def closed(self) -> bool:
-        """Whether all tips are where they hold; False of the best try of a `NoSolutionError`."""
+        """Whether all tips are at their grasps; False for the best try of a `NoSolutionError`."""
         return max(self.gap, self.turn) <= CLOSED
 
     @cached_property
@@ -99,12 +99,12 @@ class Held(Result):
         weighs. The momentum of arm and target together is zero.
 
         Args:
-            mode: What the spacecraft does; see `generalized_jacobian`. It does not count where the
+            mode: What the spacecraft does; see `generalized_jacobian`. It does not matter if the
                 fixed world is held.
             tolerance: Distance along closure up to which a posture is singular [rad].
-            exact: Whether to find the nearest singular posture along closure, from here on, and to
-                prove how far singular postures of the free hands are at least, which holds along
-                closure too; see `singularity`. Kind and directions stay decided to first order.
+            exact: Whether to find the nearest singular posture along closure, and to prove how far
+                singular postures of the free hands are at least, which holds along closure too; see
+                `singularity`. Kind and directions are still decided to first order.
             progress: As in `singularity`, for `exact`.
 
         Returns:
@@ -129,8 +129,9 @@ class Held(Result):
     ) -> ClosedMap:
         """Map how far singular postures are while what is held moves in two directions.
 
-        Each posture of the grid is closed from its neighbour, from this one on; of arms with more
-        joints than they need it is one of many. Of the fixed world it is the spacecraft that moves.
+        Each posture of the grid is closed from its neighbour, beginning with this one; if the arms
+        have more joints than they need, it is one of many. If the fixed world is held, the
+        spacecraft moves.
 
         Args:
             axes: The two directions, rows of the task: "x", "y", "z", "rx", "ry", "rz".
@@ -165,11 +166,11 @@ class Held(Result):
         limits: bool = True,
         progress: Callable[[float, float], object] | None = None,
     ) -> FollowedTarget:
-        """Lead the target along a path, all grasps kept, as `sa.follow` a tip.
+        """Lead the target along a path with all grasps closed, as `sa.follow` leads a tip.
 
-        The target goes straight to the beginning first. Closure is pulled back along the way, not
-        only integrated. Of arms with redundant joints the internal motion is that of least joint
-        rates, or the one to `rest`.
+        The target goes straight to the beginning first. Closure is restored along the way, not only
+        integrated. With redundant joints the internal motion is that of least joint rates, or the
+        one towards `rest`.
 
         Args:
             path: The corners, a sequence of poses of the target's frame; or a function of the path
@@ -186,8 +187,8 @@ class Held(Result):
             progress: Called after every step as progress(s, length), of the piece it is on.
 
         Returns:
-            The motion up to where it ended, of the arms with the target, and at each row the gaps
-            of the grasps and the distance along closure. What is between rows is not checked.
+            The motion of the arms with the target, up to where it ended, and at each row the gaps
+            of the grasps and the distance along closure. Between the rows nothing is checked.
 
         Raises:
             ConfigurationError: An argument does not make sense, or the start is singular or, where
@@ -220,17 +221,17 @@ class Held(Result):
     ) -> TargetPlan:
         """Plan a motion that leads the target to a pose, past obstacles and singular postures.
 
-        A tree of straight ways of the target, of which those that arrive are shortened. All grasps
-        are kept. Of arms with redundant joints the internal motion is that of least joint rates.
+        A tree of straight motions of the target is grown; those that arrive are shortened. All
+        grasps stay closed. With redundant joints the internal motion is that of least joint rates.
 
         Args:
             goal: The pose of the target's frame.
             frame: Where it is given: in the "inertial" frame, or in that of the "spacecraft" at the
-                end. Ways are straight in it.
+                end. The motions are straight in this frame.
             mode: What the spacecraft does; see `generalized_jacobian`.
             constraints: What must hold; see `plan`. `clearance` is along closure and to first
-                order. Limits, clearance and `keep_attitude` hold at the rows. It is proven that
-                no bodies meet on the way; hands may touch the target.
+                order. Limits, clearance and `keep_attitude` are checked at the rows. That no bodies
+                meet on the way is proven; hands may touch the target.
             search: Seed, timeout and progress; there is one method.
 
         Returns:
@@ -261,8 +262,9 @@ class Held(Result):
     ) -> TargetRun:
         """Simulate the arms that hold the target under joint torques, the spacecraft floating.
 
-        Momentum and energy are integrated, not prescribed: their balances show what the integration
-        is worth. After each step joints and velocities go to the closed ones next to them.
+        Momentum and energy are integrated, not prescribed: their balances show how accurate the
+        integration is. After each step joints and velocities are corrected to the nearest closed
+        ones.
 
         Args:
             controller: Called as controller(t, cfg, dq), returns (n,) torques [N m] or forces [N]:
@@ -272,16 +274,15 @@ class Held(Result):
             dq: (n,) joint rates at the start, which keep the grasps closed; zeros if None.
             squeeze: What the hands give the target without moving it: for each tip [force [N];
                 moment about the grasp [N m]], axes of the target, balanced. The torques of the law
-                are changed so that it is this at all times, zeros for none; it is as the law makes
-                it if None. Of all wrenches the least ones count as moving the target, moments by
-                the length of the task.
+                are changed so that this squeeze acts at all times; zeros ask for none. If None, the
+                squeeze is what the law makes it. The least wrenches that give the same motion count
+                as moving the target, with moments weighed by the length of the task.
             bears: Largest force [N] and largest moment [N m] at each grasp, or by tip, the others
-                without limits. Beyond, the run ends:
-                the event "grasp".
-            plant: What acts besides: wheels, passive joints, and motor limits, which cut torques,
-                those that squeeze included; no wrenches.
-            integration: Tolerances, spacing of the output, and whether joint limits and full wheels
-                are noted.
+                without limits. The run ends where one is exceeded, with the event "grasp".
+            plant: What else acts: wheels, passive joints, and motor limits, which cut all torques,
+                also those that squeeze; no wrenches.
+            integration: Tolerances, spacing of the output, and whether to record joint limits and
+                full wheels.
             progress: Called after every step as progress(t, duration) [s].
 
         Returns:
@@ -309,24 +310,25 @@ class Held(Result):
     ) -> Regrasp:
         """Find how one hand lets go and grasps another frame, while the others hold on.
 
-        The joints of the others are locked. The freed hand backs off, moves as `sa.plan` leads it,
-        with the target as what another hand carries, and closes in: three motions from rest to
-        rest, the spacecraft floating with the momentum that it has. Of postures at the grasp the
-        first one is taken to which a way is found. Where the fixed world is held, the spacecraft
-        stands on it: a step of a walk.
+        The joints of the other hands are locked. The freed hand backs off, moves by a plan of
+        `sa.plan` with the target as the load of another hand, and closes in: three motions from
+        rest to rest. The spacecraft floats with the momentum that it has. The first posture at the
+        new grasp to which a plan is found is taken. If the fixed world is held, the other grasps
+        support the spacecraft: a step of a walk.
 
         Args:
             tip: The hand that lets go.
             grasp: What it grasps: a grapple frame of the target, or a pose as of `sa.hold`.
-            approach: How far it backs off and closes in along its z axis [m]; or the way of the
-                hand as it closes in, (3,) in its own axes, as of planar arms.
-            closing: Mean speed of that at most [m/s].
-            constraints: What must hold; see `plan`. Backing off and closing in, the hand may touch
-                the target. Obstacles rest.
+            approach: How far it backs off and closes in along its z axis [m]; or, as for planar
+                arms, the displacement of the hand as it closes in, (3,) in its own axes.
+            closing: Largest mean speed of backing off and closing in [m/s].
+            constraints: What must hold; see `plan`. While it backs off and closes in, the hand may
+                touch the target. Obstacles rest.
             search: Seed, timeout, method and progress; see `plan`.
 
         Returns:
-            The three motions, with proofs of each. `after` of it is how the target is held then.
+            The three motions, with a proof for each. `after` takes it and returns how the target is
+            then held.
 
         Raises:
             ConfigurationError: An argument does not make sense, or nothing else holds.
@@ -346,7 +348,7 @@ class Held(Result):
     ) -> CollisionReport:
         """Check whether arms, spacecraft and target meet each other or obstacles.
 
-        Hands may touch the target; it is checked as `sa.collision_check` does.
+        Hands may touch the target; all else is as in `sa.collision_check`.
 
         Args:
             motion: A motion of the target, from `follow` or `simulate`; this posture if None.
@@ -370,11 +372,10 @@ class Held(Result):
         return contacts_of(thing, obstacles, carrying.touching, progress=progress)
 
     def after(self, motion: Motion | Regrasp) -> Held:
-        """Return how the target is held where a motion of it ends, or after a hand has regrasped.
+        """Return how the target is held at the end of a motion, or after a hand has regrasped.
 
         Args:
-            motion: The motion, such as one of `follow`: of the same joints; or what `regrasp`
-                returns.
+            motion: A motion of the same joints, such as one of `follow`; or what `regrasp` returns.
 
         Raises:
             ConfigurationError: It is the motion of another arm.
@@ -441,9 +442,9 @@ def hold(
 ) -> Held:
     """Find a posture in which the tips of an arm hold one target, near a rough start.
 
-    The chain closes by Gauss-Newton steps within the joint limits, of joints and target alike: from
-    the start, then from random postures farther and farther from it, with the target where it is
-    given or at the first tip. A start whose tips hold already stays; the target is where they do.
+    Gauss-Newton steps of joints and target close the chain within the joint limits: from the start,
+    then from random postures farther and farther from it, with the target where it is given or at
+    the first tip. A start that is closed already is kept, with the target where the tips are.
 
     Args:
         start: The start. Its arm has all tips that hold: `sa.load(source, tip=["left", "right"])`.
@@ -451,11 +452,11 @@ def hold(
             world, such as handrails of a station.
         grasps: What each tip holds: the name of a grapple frame of the target, or a pose in the
             target's frame; of the fixed world a pose in the inertial frame. z points into what is
-            held, as the z axis of the hand does. Default, without a target: what the description
-            of the arm closes, which has an equality of MJCF, a joint of SDF that closes a loop, or
-            was loaded with two links that hold each other; see `load`.
-        fixed: Whether the target stays where it is; of the fixed world whether the spacecraft
-            does.
+            held, as the z axis of the hand does. Default, without a target: what the arm's file
+            closes, by an equality of MJCF or a joint of SDF that closes a loop, or two links that
+            hold each other; see `load`.
+        fixed: Whether the target stays where it is; if the fixed world is held, whether the
+            spacecraft does.
         limits: Whether the joints stay within their limits.
         seed: Seed of the random postures.
 

@@ -63,11 +63,11 @@ PARTS = ("backing off", "moving", "closing in")
 
 
 class Regrasp(Result, kw_only=True):
-    """How one hand lets go of what several hold and grasps it elsewhere, from `Held.regrasp`.
+    """How one of several hands lets go and grasps elsewhere, from `Held.regrasp`.
 
     Its arm is that of the freed hand: the joints of the others are locked, and the target is fixed
-    to one of the hands that hold. `Held.after` of it is how the target is held then. It is a motion
-    for `sa.view` and `sa.plot`.
+    to one of the hands that hold. `Held.after` takes it and returns how the target is then held.
+    `sa.view` and `sa.plot` take it as a motion.
 
     Attributes:
         target: The target where it is at the end; None if the fixed world is held.
@@ -77,8 +77,8 @@ class Regrasp(Result, kw_only=True):
         plan: The motion to where it can close in.
         close: The motion to the other grasp.
         end: The configuration of all arms at the end, without the target.
-        checked: What the proof covers that nothing meets, in one sentence; empty if none was asked
-            for. Backing off and closing in the hand may touch the target.
+        checked: What the proof that nothing meets covers, in one sentence; empty if none was asked
+            for. While it backs off and closes in, the hand may touch the target.
         tried: The postures at the other grasp that were tried, and what came of them.
     """
 
@@ -143,7 +143,7 @@ class Regrasp(Result, kw_only=True):
             progress: Called now and then as progress(t, duration).
 
         Returns:
-            The flight: "backing off", "moving" and "closing in". The momentum stays.
+            The flight: "backing off", "moving" and "closing in". The momentum is conserved.
 
         Raises:
             SpaceArmError: As `simulate_phases` raises.

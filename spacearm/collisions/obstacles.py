@@ -146,24 +146,24 @@ def joint_frames(cfg: Configuration) -> list[pin.SE3]:
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Obstacle:
-    """A body not to be met: `Obstacle.box`, `.sphere`, `.cylinder`, `.mesh`, `.robot`, `.target`.
+    """A body to keep off: `Obstacle.box`, `.sphere`, `.cylinder`, `.mesh`, `.robot`, `.of_target`.
 
-    Poses are given in the inertial frame, the one of `base` and of goals. Time is that of the
-    motion: an obstacle that moves is at `pose` when the motion begins, or where its own motion is.
+    Poses are given in the inertial frame, like `base` and goals. Time is that of the motion: when
+    the motion begins, an obstacle that moves is at `pose`, or at the start of its own motion.
 
     Attributes:
         name: What it is called in answers.
         kind: "box", "sphere", "cylinder", "mesh", "robot" or "target".
         shape: The shape about the origin of `pose`; None for a robot or a target.
         pose: Where it is at the start; for one that is carried along, in the frame that carries it.
-        twist: (6,) its velocity, [linear [m/s]; angular [rad/s]] of the origin of its frame in
-            inertial axes, steady.
-        along: The motion that carries it with its spacecraft, or the motion of the robot itself.
+        twist: (6,) its constant velocity, [linear [m/s]; angular [rad/s]] of the origin of its
+            frame, inertial axes.
+        along: The motion whose spacecraft carries it, or the motion of the robot itself.
         posture: The configuration of a robot that does not move.
         target: The target that it is.
         begin: Its own time when the motion begins [s].
         margin: Distance that every body must keep from it [m].
-        may_touch: Links of the arm that are not held off, such as the hand that is to grasp it.
+        may_touch: Links of the arm that need not keep off, such as the hand that is to grasp it.
     """
 
     name: str

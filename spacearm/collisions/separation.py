@@ -286,7 +286,7 @@ class CollisionReport(Result):
     """Whether the bodies of an arm meet each other or obstacles, from `sa.collision_check`.
 
     Attributes:
-        apart: Whether none do, which is proven for the whole motion.
+        apart: Whether none do, proven for the whole motion.
         contact: The first contact that was found, None if there is none.
         t: (m,) times of the samples [s].
         distance: (m,) least distance there, less the margins of obstacles [m]; negative where they

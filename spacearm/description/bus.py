@@ -81,7 +81,7 @@ class Bus(Parameters):
         ModelError: Neither size nor inertia is given, or no rigid body can have these values.
 
     Warns:
-        ModelWarning: Its size or density is that of no spacecraft.
+        ModelWarning: No spacecraft has such a size or density.
     """
 
     mass: float

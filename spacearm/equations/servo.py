@@ -1,4 +1,4 @@
-"""A tick of the servo: the wished twist of the tip as joint rates that keep away from the set.
+"""A tick of the servo: the commanded twist of the tip as joint rates that keep away from the set.
 
 With J* = U diag(s) V^T, far from the singular set dq = J*^+ v. Nearer than `slow` only the
 direction u of the least singular value is slowed, by a share that falls to zero at `stop`, and the
@@ -106,7 +106,7 @@ class Seen(NamedTuple):
     Attributes:
         q: (n,) joint positions [rad] or [m].
         quaternion: (4,) attitude of the spacecraft, xyzw.
-        twist: (6 tips,) the wished twist of the tips [linear; angular].
+        twist: (6 tips,) the commanded twist of the tips [linear; angular].
         dt: Time until the next tick [s].
         momentum: (6,) momentum of spacecraft and arm, inertial axes.
     """
@@ -127,7 +127,7 @@ class Limits(NamedTuple):
         rate: (n,) largest rates [rad/s] or [m/s].
         acceleration: (n,) largest accelerations [rad/s^2] or [m/s^2].
         stop: Distance to the set that is kept [rad].
-        slow: Distance from which on nothing is slowed [rad].
+        slow: Distance beyond which nothing is slowed [rad].
         tau: Time constant of the approach [s].
         wheels: Largest angular momentum of the moving arm that wheels take up [N m s].
         longest: Longest time of a tick [s].
@@ -153,7 +153,7 @@ class Memory(NamedTuple):
 
     Attributes:
         rates: (n,) the last joint rates [rad/s] or [m/s].
-        wished: (n,) those that do all of the wished twist.
+        wished: (n,) those that do all of the commanded twist.
         turn: (n,) the rate at which these change.
         held: (n,) the nearest posture that was told, in radians; `FREE` farther than `slow`.
         q: (n,) the last joint positions [rad] or [m].
@@ -187,9 +187,9 @@ class Tick(NamedTuple):
         nearest: (n,) that posture [rad] or [m].
         away: (n,) joint motion that leads away from it, per radian of distance.
         lost: (6 tips,) direction of the tip's twist that is being lost, towards the set, in the
-            axes of the wished twist.
+            axes of the commanded twist.
         closing: Rate at which the distance falls [rad/s].
-        done: Share of the wished twist that is done.
+        done: Share of the commanded twist that is done.
         shares: (7,) what each of `CAUSES` leaves of the motion.
         halt: Which of `HALTS` it is.
     """

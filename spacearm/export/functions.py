@@ -353,18 +353,18 @@ def to_c(
     - `NAME_singularity(q)`: S, which is zero exactly where the task Jacobian is singular.
     - `NAME_singularity_gradient(q, gradient)`: its gradient; returns S.
     - `NAME_sigma_min(q, &lower, &upper)`: bounds of the least singular value of the task Jacobian,
-      apart by rounding.
+      which differ by rounding.
     - `NAME_distance(q, away)`: the distance to the singular set to first order [rad], INFINITY
       where nothing leads there; `away` (n,) is its gradient, joint motion per radian of distance.
 
-    With `parameters`, the numbers of that name are no constants: `NAME_parameters` is a struct of
-    them, `NAME_nominal` the arm's own, and all functions take a pointer to one after q, dq
-    and tau.
-    `NAME_singularity_by_parameters(q, p, &gradient)` writes the gradient of S by them into another.
+    With `parameters`, the numbers of these names are arguments: `NAME_parameters` is a struct of
+    them, `NAME_nominal` holds the arm's own, and all functions take a pointer to such a struct
+    after q, dq and tau. `NAME_singularity_by_parameters(q, p, &gradient)` writes the gradient of S
+    by them into another.
 
-    With `servo`, `NAME_servo_step(&seen, &limits, &memory, &tick)` is the step of `Servo`: what it
-    is told, keeps, remembers and says are structs of numbers, `NAME_servo_nominal` its limits, and
-    `NAME_servo_begin(q, &memory)` begins. It has the arm's own numbers. The header says how many
+    With `servo`, `NAME_servo_step(&seen, &limits, &memory, &tick)` is the step of `Servo`. Input,
+    limits, memory and output are structs of numbers; `NAME_servo_nominal` holds the limits, and
+    `NAME_servo_begin(q, &memory)` begins. It uses the arm's own numbers. The header says how many
     operations a step takes at most.
 
     Args:
@@ -373,8 +373,8 @@ def to_c(
         mode: What the spacecraft does; see `generalized_jacobian`.
         parameters: Names of what the functions take in a struct: any of "masses", "centres",
             "inertias", "joint_positions", "joint_rotations", "tip_positions", "tip_rotations".
-        servo: Whether to write the servo too: True for one as `Servo` makes it, or a servo of the
-            arm, with its options and limits.
+        servo: Whether to write the servo too: True for one with the defaults of `Servo`, or a servo
+            of this arm, with its options and limits.
 
     Returns:
         The paths of header and source.

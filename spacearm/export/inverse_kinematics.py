@@ -106,7 +106,7 @@ class GeneralizedJacobianTask(_OfArm):
         self.set_target(target)
 
     def set_target(self, target: PoseLike) -> None:
-        """Set the pose of the tip that is wanted."""
+        """Set the desired pose of the tip."""
         self.target = sound_pose(target, "target")
 
     def compute_error(self, configuration: Any) -> Array:

@@ -82,9 +82,9 @@ def to_mjcf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
 def to_sdf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
     """Write spacecraft and arm as an SDF file, which `load` reads.
 
-    Its version is 1.7, or 1.11, the first with mimic joints, if there are any.
-    Gravity does not act on the links. Links that are fixed to others are frames of their body.
-    Joints that `arm` holds or has locked, and wheels, are fixed. Meshes have absolute paths.
+    Its version is 1.7; with mimic joints it is 1.11, the first that has them. Gravity does not act
+    on the links. Links that are fixed to others are frames of their body. Joints that `arm` holds
+    or has locked, and wheels, are fixed. Meshes have absolute paths.
 
     Args:
         arm: The arm.

@@ -50,11 +50,11 @@ class Frame(NamedTuple):
 @checked
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class Target(Described):
-    """A free rigid body, such as debris to be caught: it drifts and tumbles, no torque acting.
+    """A free rigid body, such as debris to be caught: it drifts and tumbles without torque.
 
     Its rotation is computed in closed form, at any time. With `orbit` it drifts relative to the
-    chaser as Clohessy and Wiltshire say (J. Aerosp. Sci. 27, 653-658 (1960), DOI 10.2514/8.8704).
-    `sa.plan` and `sa.collision_check` take it as an obstacle.
+    chaser by the equations of Clohessy and Wiltshire (J. Aerosp. Sci. 27, 653-658 (1960), DOI
+    10.2514/8.8704). `sa.plan` and `sa.collision_check` take it as an obstacle.
 
     Attributes:
         body: What it is: a `Bus`, or a URDF, SDF or MJCF whose links are all fixed to each other;
@@ -235,7 +235,7 @@ class Target(Described):
     def scaled(self, mass: float, inertia: float) -> Target:
         """Return the target with its mass and its inertia about the CM times factors.
 
-        Of several links only the shapes of the root are kept: it is for simulations.
+        Only the shapes of the root link are kept; the result is meant for simulations.
 
         Args:
             mass: Factor of the mass.

@@ -316,10 +316,11 @@ def feasible_attitudes(
 
     Args:
         start: A posture and an attitude with the tip near the beginning of the path. The postures
-            at other attitudes are those it goes over into while the spacecraft turns and the tip is
-            held: the same branch, up to where the arm cannot reach or its Jacobian with the
-            attitude held is singular. The attitude of a planar arm must be a turn about the normal
-            of its plane. With momentum, which must be angular, the result depends on `speed`.
+            at other attitudes follow from this one while the spacecraft turns and the tip is held.
+            So they are on the same branch, up to where the arm cannot reach or its Jacobian with
+            the attitude held is singular. The attitude of a planar arm must be a turn about the
+            normal of its plane. With momentum, which must be angular, the result depends on
+            `speed`.
         path: As for `follow`, from the system CM [m]; its first corner is where the tip begins.
         all_branches: Look for all branches from random postures instead, which may miss some, and
             take the best at each attitude; the posture of `start` does not count.
@@ -335,7 +336,8 @@ def feasible_attitudes(
         progress: Called as progress(done, total).
 
     Returns:
-        The attitudes tried with what came of each, the intervals of a planar arm, the largest ball.
+        The attitudes tried and how each attempt ended, the intervals of a planar arm, the largest
+        ball.
 
     Raises:
         ConfigurationError: An argument does not make sense.

@@ -52,13 +52,13 @@ PARTS = (1, 2, 4, 8, 16, 32, 64)
 
 
 class MomentumBudget(Result):
-    """What momentum on board does to a posture, and how long the arm can make up for it.
+    """What momentum on board does to a posture, and how long the arm can compensate for it.
 
     Attributes:
         configuration: The posture, the pose of the spacecraft and the momentum.
         spin: (3,) angular velocity of the whole system with its joints locked, inertial axes
             [rad/s].
-        drift: (6,) twist of the tip then [m/s], [rad/s], inertial axes.
+        drift: (6,) twist of the tip while the joints are locked [m/s], [rad/s], inertial axes.
         rates: (n,) joint rates that hold the tip in the task's rows at first [rad/s] or [m/s].
         holds: How long these hold the tip [s]; at most `horizon`.
         ended: What ends it: "horizon", "singularity", "joint limit" or "cannot" where J* lacks the
@@ -105,7 +105,7 @@ class MomentumBudget(Result):
     not_checked = "collisions, joint rates"
 
     def describe(self) -> Description:
-        """Describe what the momentum does, and how long the arm can make up for it."""
+        """Describe what the momentum does, and how long the arm can compensate for it."""
         arm = self.configuration.arm
         rates = joint_measures(self.rates, arm.slides, per="/s")
         facts: dict[str, Cell] = {
@@ -135,7 +135,7 @@ def momentum_budget(
     limits: bool = True,
     progress: Progress | None = None,
 ) -> MomentumBudget:
-    """Compute what momentum on board does to a posture, and how long the arm can make up for it.
+    """Compute what momentum on board does to a posture, and how long the arm can compensate for it.
 
     Detumbling by the arm alone does not exist: joint torques are internal, and the angular momentum
     stays. The arm can hold its tip, or keep the spacecraft at rest, for a while.

@@ -57,13 +57,13 @@ class Candidate(NamedTuple):
 class Catch(Result, kw_only=True):
     """How an arm catches a target, from `sa.catch`.
 
-    Time begins with the start; the target is then where it is at its time 0. The arm rests until
-    `begin`, moves as `plan` to the stand-off, then as `chase` until contact, both with their own
-    clocks, and `brake` brings the joints to rest with the target in the hand.
+    Time begins with the start, when the target is at its time 0. The arm rests until `begin`, moves
+    as `plan` to the stand-off, then as `chase` until contact. `brake` brings the joints to rest
+    with the target in the hand. `plan`, `chase` and `brake` have clocks of their own.
 
     Attributes:
         target: The target.
-        grapple: The grapple frame that is grasped; of several tips the frame of each.
+        grapple: The grapple frame that is grasped; with several tips, the frame of each.
         t: Time of contact [s].
         begin: When the arm begins to move [s].
         plan: The motion to the stand-off, from rest to rest.
@@ -76,8 +76,8 @@ class Catch(Result, kw_only=True):
         torque: (n,) largest torques from the stand-off on and while braking [N m] or [N].
         momentum: (6,) momentum of arm and target together about the CM of both [kg m/s], [N m s].
         wheels: The wheels, with their limits; None where the spacecraft has none.
-        wheel_load: What the wheels that hold the attitude hold and give at most, a sentence for
-            each of the three motions; empty where the spacecraft floats.
+        wheel_load: Largest momentum and torque of the wheels that hold the attitude, a sentence for
+            each of the three motions; empty if the spacecraft floats.
         tried: All that was tried, in that order.
     """
 
@@ -147,20 +147,20 @@ class Catch(Result, kw_only=True):
     ) -> Flight:
         """Simulate the catch: `sa.Tracking` leads the joints, the grasp is a plastic impact.
 
-        From contact on the wheels of a floating spacecraft, those of its description, give a torque
-        against its turning, within the least torque and capacity of them, until it is at rest or
-        they are full; `Flight.left_over` is what they do not hold. Wheels that hold the attitude
-        give the torques that were planned.
+        From contact on the wheels in the description of a floating spacecraft give a torque against
+        its turning, within the least of their torques and capacities, until it is at rest or they
+        are full; `Flight.left_over` is what they do not hold. Wheels that hold the attitude give
+        the planned torques.
 
         Args:
-            actual: The target as it is, where it differs from what was planned with, in mass,
-                inertia or motion: it is grasped by the tip wherever it is then.
+            actual: The true target, if it differs from the planned one in mass, inertia or motion:
+                the tip grasps it wherever it is then.
             plant: What else acts, as in `simulate`.
             integration: How it is integrated.
             progress: Called now and then as progress(t, duration).
 
         Returns:
-            The flight: "approach", "closing in", "braking", and "detumbling" where wheels do.
+            The flight: "approach", "closing in", "braking", and "detumbling" if wheels do that.
 
         Raises:
             SpaceArmError: As `simulate_phases` raises.

@@ -45,10 +45,10 @@ def catch(
 ) -> Catch:
     """Find when and by which grapple frame an arm catches a tumbling target, and how.
 
-    Contacts throughout the window are tried, those in reach whose open side faces the arm first.
-    Of the first that succeed that one is returned whose way keeps farthest from the singular set,
-    proven. The joints start at rest. With momentum on board the spacecraft drifts on the way, and
-    the arm moves from time 0 on.
+    Contacts throughout the window are tried, beginning with those in reach whose open side faces
+    the arm. Of the first that succeed, the one with the largest proven distance to the singular set
+    is returned. The joints start at rest. With momentum on board the spacecraft drifts on the way,
+    and the arm moves from time 0 on.
 
     With `mode="attitude-controlled"` wheels hold the attitude until the joints rest again, and take
     up the angular momentum of the target, each within its torque and capacity.
@@ -57,24 +57,25 @@ def catch(
         start: The arm at time 0, with momentum on board and what its wheels hold of it. Poses of
             the target are in the inertial frame of its base.
         target: The target.
-        grapple: Name of the grapple frame; any of them if None. Of an arm with several tips the
+        grapple: Name of the grapple frame; any of them if None. For an arm with several tips the
             frame of each, {tip: frame}: all of them grasp at the same time. A sequence of such
             mappings has them grasp one after the other: each hand that holds moves on with the
             target while the next one closes in, and all brake once the last one has grasped.
-        window: Earliest and latest contact, of several the last one [s].
+        window: Earliest and latest contact [s]; if hands grasp one after the other, of the last
+            contact.
         approach: Distance of the stand-off, from which the tip closes in along the z axis of the
             grapple frame, with a planar arm along its x axis [m].
         closing: Mean speed at which it closes in [m/s].
         touching: Links of the arm that may touch the target; if None those that move as the tip.
         bears: Largest force [N] and largest moment [N m] that the grapple bears at the tip while
             the arm is braked with the target in its hand.
-        wanted: How many catches are found before the best is taken; fewer where one keeps as far
-            from the singular set as is asked for.
+        wanted: How many catches to find before the best is taken; fewer if one keeps as far from
+            the singular set as asked for.
         mode: What the spacecraft does: "free-floating", or "attitude-controlled".
         constraints: What must hold on the way, as for `plan`. Rates and torques are those of the
             description, unless rates are given.
-        search: How to look; `timeout` is that of the whole search [s], and `method` that of ways to
-            the stand-off: with "straight" no others are tried than straight ones.
+        search: How to look: `timeout` is for the whole search [s], `method` for the motion to the
+            stand-off; "straight" tries straight ones only.
 
     Returns:
         The catch.

@@ -30,19 +30,20 @@ MISSES = ("place", "turn", "velocity", "rate")
 @checked
 @dataclass(frozen=True, kw_only=True)
 class TargetErrors(Parameters):
-    """How wrong the estimate of a target is that a catch was planned with.
+    """How wrong the estimate is with which a catch was planned.
 
-    Errors of pose and twist are those of the estimate at time 0: normally distributed along all
-    axes alike, the root mean square of their length is given. Masses are distributed evenly.
+    Errors of pose and twist are those of the estimate at time 0, normally distributed along all
+    axes alike; the values are the root mean square of their length. Masses are uniformly
+    distributed.
 
     Attributes:
         mass: Largest error of the mass, as a share.
         inertia: The same of the inertia about its CM, by a factor of its own.
-        place: Error of the place of its CM [m].
+        place: Error of the position of its CM [m].
         turn: Error of its attitude [rad].
         velocity: Error of the velocity of its CM [m/s].
         rate: Error of its angular velocity [rad/s].
-        delay: How old the estimate is that was taken for that of time 0 [s].
+        delay: Age of the estimate that is taken as that of time 0 [s].
     """
 
     mass: float = 0.2
@@ -62,10 +63,10 @@ class TargetErrors(Parameters):
                 raise ConfigurationError(f"{name} is {getattr(self, name)}; give a share below 1")
 
     def sample(self, target: Target, rng: np.random.Generator) -> Target:
-        """Return a target as it may be.
+        """Draw a target from these errors.
 
         Args:
-            target: As it was estimated.
+            target: The estimated target.
             rng: Random numbers.
         """
         mass, inertia = 1.0 + np.array([self.mass, self.inertia]) * rng.uniform(-1.0, 1.0, 2)
@@ -104,7 +105,7 @@ class CaptureEnvelope(Parameters):
 
 
 class CatchRuns(Result, kw_only=True):
-    """Runs of a catch with targets that differ from the one planned with, from `sa.fly_many`.
+    """Runs of a catch with targets that differ from the planned one, from `sa.fly_many`.
 
     Attributes:
         catch: The catch.
@@ -117,7 +118,7 @@ class CatchRuns(Result, kw_only=True):
         energy_lost: (m,) energy that the impact takes [J]; NaN where not caught.
         impulse: (m,) linear impulse on the tip [N s]; NaN where not caught.
         dq: (m,) largest joint rate once the braking has ended [rad/s] or [m/s]; NaN likewise.
-        tumble: (m,) rate at which the spacecraft turns then [rad/s]; NaN likewise.
+        tumble: (m,) rate at which the spacecraft then turns [rad/s]; NaN likewise.
         ended: (m,) how each run ended: "missed", "duration", or what failed.
         masses: (m,) mass of each target [kg].
     """
@@ -207,8 +208,8 @@ def fly_many(
 ) -> CatchRuns:
     """Fly a catch many times, with targets that differ from the estimate it was planned with.
 
-    The arm flies as planned, by `sa.Tracking`, and does not look at the target again. Where the tip
-    is within the envelope of the true grapple frame at contact, the target is grasped by a plastic
+    The arm flies as planned, by `sa.Tracking`, and does not look at the target again. If the tip is
+    within the envelope of the true grapple frame at contact, it grasps the target by a plastic
     impact, and the joints are braked by the law that was planned with the estimated target.
 
     Args:
@@ -218,15 +219,15 @@ def fly_many(
         runs: Number of runs.
         seed: Of the targets, and of the noise.
         plant: What else acts, as in `simulate`.
-        sampling: Period, delay and noise of the joint controller; None for one that acts at all
-            times and knows all.
-        rate: Of `sa.Tracking` [1/s]. If None it is 5, or what period and delay bear where that is
-            less, `sampling.tracking_rate`.
+        sampling: Period, delay and noise of the joint controller; None for one that acts
+            continuously, without noise.
+        rate: Rate of `sa.Tracking` [1/s]. If None it is 5, or `sampling.tracking_rate` if that is
+            less.
         integration: As in `simulate_many`.
         progress: Called as progress(done, total) now and then.
 
     Returns:
-        What the runs were like, and the share that is caught.
+        How the runs went, and the share that is caught.
 
     Raises:
         ConfigurationError: An argument does not make sense.

@@ -49,7 +49,7 @@ class LevelReach(Result):
         arm: The arm.
         q0: (n,) joint positions at the start.
         attitude: (4,) attitude of the spacecraft then, quaternion xyzw.
-        tip: (3,) position of the tip then [m].
+        tip: (3,) position of the tip at the start [m].
         tilt: The largest turn of the spacecraft [rad].
         margin: Least distance to the singular set on the way, to first order [rad].
         limits: Whether joint limits count.
@@ -58,7 +58,7 @@ class LevelReach(Result):
         straight: (d,) how far the tip can go along each [m].
         ended: (d,) what ended each line, an index in `ENDS` of
             `spacearm.mission.attitudes`.
-        point: (p, 3) middles of the cells that broken lines reach, the start first [m].
+        point: (p, 3) centres of the cells that lines with corners reach, the start first [m].
         turn: (p,) turn of the spacecraft there [rad].
         parent: (p,) from which of them each is reached; -1 of the start.
         cell: Distance of neighbouring cells [m].
@@ -99,13 +99,14 @@ class LevelReach(Result):
         return self.arm.at(self.q0, base=pin.SE3(R, np.zeros(3))).centred(np.zeros(3))
 
     def motion(self, point: ArrayLike) -> Followed:
-        """Return the motion along broken lines to the cell that a point lies in, by `sa.follow`.
+        """Return the motion along lines with corners to the cell of a point, by `sa.follow`.
 
         Args:
             point: (3,) the point, from the system CM [m].
 
         Raises:
-            NoSolutionError: The cell is not reached, or no broken lines were asked for.
+            NoSolutionError: The cell is not reached, or lines with corners were not asked for
+                (`planned`).
         """
         wanted = finite(point, (3,), "point", "from the system CM [m]")
         apart = np.abs(self.point - wanted).max(axis=1)
@@ -127,7 +128,7 @@ class LevelReach(Result):
     not_checked = "collisions"
 
     def describe(self) -> Description:
-        """Describe how far straight and broken lines lead the tip."""
+        """Describe how far the tip gets along straight lines and along lines with corners."""
         unit, reach = "m³" if self.axis is None else "m²", self.straight
         facts: dict[str, Cell] = {
             "worst direction": Measure(reach.min(), "m"),
@@ -212,8 +213,8 @@ def level_reach(
 
     The tip goes along straight lines in all directions, its attitude kept, led by J* as `follow`
     does, until the spacecraft has turned too far from its start, a singularity or a joint limit is
-    met. With `planned` it goes along broken lines, too: from cell to cell of a grid, up to two
-    states a cell, those found first; more cells may be reachable by other ways.
+    met. With `planned` it also goes along lines with corners: from cell to cell of a grid. The
+    first two states found in each cell are kept; other paths may reach more cells.
 
     Args:
         start: The posture and the attitude of the spacecraft at the start, at rest. The task must
@@ -222,13 +223,13 @@ def level_reach(
         margin: Least distance to the singular set, to first order [rad].
         limits: Whether joint limits count.
         directions: Number of straight lines; 360 in the plane, 1,000 in space if None.
-        planned: Whether to look for broken lines.
+        planned: Whether to look for lines with corners.
         cell: Distance of neighbouring cells [m]; a quarter of what straight lines reach on average
             if None. At most 60 of them lie in a row from the start in the plane, 12 in space.
         progress: Called as progress(done, lines) for the straight lines.
 
     Returns:
-        How far the tip goes in each direction, and the cells that broken lines reach.
+        How far the tip goes in each direction, and the cells that lines with corners reach.
 
     Raises:
         ConfigurationError: An argument does not make sense.

@@ -57,12 +57,12 @@ class Reaction(Result):
         momentum: (m, 3) angular momentum D_q dq of the joint motion while the attitude is held
             [N m s].
         on_board: (m, 3) angular momentum of the whole system [N m s], in the spacecraft axes of the
-            start; what wrenches add counts.
+            start, with what wrenches add.
         torque: (m, 3) torque on the spacecraft that holds its attitude, the derivative of
             `momentum` [N m].
         camera: (3,) unit vector of a camera's line of sight; None for the worst one.
         unbounded: Whether the motion ends at a singularity that the tip is led into at a constant
-            speed: rates, momentum and torque have no bound there, the last rows say little.
+            speed. Rates, momentum and torque have no bound there, so the last rows mean little.
         jump: Largest jump of `momentum` where the rates of the joints jump [N m s].
     """
 
@@ -195,15 +195,15 @@ def reaction(
     """Compute what a motion does to the spacecraft, and what holding the attitude takes.
 
     The joints move as they do in the motion. Floating, the spacecraft turns as in the motion if it
-    floats there (with wheels and momentum as they were), else by w_0 = -D^-1 D_q dq, equation
-    (33c). Held at its attitude of the start, it
-    needs wheels with the momentum -D_q dq, besides what is on board, and a torque that is the
-    derivative of D_q dq; this is the torque that `inverse_dynamics` reports as the reaction.
+    floats there (with wheels and momentum as they were), else with w_0 = -D^-1 D_q dq, equation
+    (33c). If it is held at its initial attitude, wheels must take the momentum -D_q dq, besides
+    what is on board, and give a torque that is the derivative of D_q dq; `inverse_dynamics` reports
+    this torque as the reaction.
 
-    What `sa.plan`, `sa.simulate` and `sa.follow` return knows its own rates and accelerations.
-    Those of other motions are differences over the samples: sample finely. Wheels of the
-    spacecraft share momentum and torque by the pseudo-inverse of their axes, and what exceeds their
-    limits is said, with by how much.
+    The motions that `sa.plan`, `sa.simulate` and `sa.follow` return have their own rates and
+    accelerations. For other motions they are differences between samples: sample finely. Wheels of
+    the spacecraft share momentum and torque by the pseudo-inverse of their axes; the answer says
+    what exceeds their limits, and by how much.
 
     Args:
         motion: Any motion of the package, or an object with arm, t, q and base; see `Motion.of`.
@@ -211,7 +211,8 @@ def reaction(
         progress: Called now and then as progress(done, samples).
 
     Returns:
-        Turns and rates if it floats; momentum, torque and impulse if it is held; over time.
+        Over time, turns and rates if the spacecraft floats, and momentum, torque and impulse if it
+        is held.
 
     Raises:
         ConfigurationError: The motion has fewer than two samples, or `camera` is no direction.

@@ -38,31 +38,31 @@ def load(
 ) -> SpaceArm:
     """Load a spacecraft with its arm.
 
-    The spacecraft is the root link with all links that fixed joints hold to it; a massless root
-    fixed to the actual bus is fine, and one that it floats in is left out, be it by a floating
-    joint or by slides and hinges without mass between. Movable leaves without mass are held. The n
-    joints are those on the way to the tip; fingers, solar panels and other arms are held where they
-    are: at the home of their joint, which is its <home value="..."/>, or its position in the
-    keyframe "home" of an MJCF or the group state "home" of an SRDF beside the file, or zero; or at
-    the limit nearest to it. See `SpaceArm.held`. Joints that mimic another are not among the n
-    joints; their limits count as limits of the joint that they follow.
+    The spacecraft is the root link with all links that fixed joints hold to it. A massless root
+    fixed to the actual bus is fine; a massless root in which the bus floats is left out, whether by
+    a floating joint or by massless slides and hinges. Movable leaves without mass are held. The n
+    joints are those between the spacecraft and the tip. Fingers, solar panels and other arms are
+    held at the home of their joint, or at the limit nearest to it (see `SpaceArm.held`). The home
+    is the <home value="..."/> of a URDF, the keyframe "home" of an MJCF, or the group state "home"
+    of an SRDF beside the file, else zero. Joints that mimic another are not among the n joints;
+    their limits count as limits of the joint that they follow.
 
     Args:
         source: A name of the catalogue (see `catalogue`); the path of a URDF, .xacro, MJCF (.xml)
             or SDF; or a pin.Model or RobotWrapper, fixed base or free-flyer.
-        tip: Link whose frame is the tip, or several, whose task rows are then stacked. A mapping
-            of links to links says which hold each other, frame on frame: a closed chain, which
+        tip: Link whose frame is the tip, or several, whose task rows are then stacked. A mapping of
+            links to links states which hold each other, frame on frame: a closed chain, which
             `hold` closes. Default: the links by which an MJCF or SDF closes a chain, else those
             that the URDF names by <tip link>, else what an SRDF beside the file names, else the
             frame with a name for tips (tool0, hand_tcp, ee_link, ...), else the hand, else the last
-            link before the fingers branch, on the arm with the most joints.
-            `SpaceArm.tip_reason` says which it was.
-        task: The twist rows that count, as "x y rz", "pose", "position", "orientation" or a
-            `Task`. Default: for planar arms the rows of the plane ("x y", from 3 joints on with
-            the rotation); otherwise "pose" from 6 joints on, else "position"; of these the rows
-            that the joints move, where all together are impossible.
-        joints: Which joints count besides those on the way to the tips: "tip" for no others, "all",
-            or the names of some.
+            link before the fingers branch, on the arm with the most joints. `SpaceArm.tip_reason`
+            says which it was.
+        task: The twist rows that count, as "x y rz", "pose", "position", "orientation" or a `Task`.
+            Default: for planar arms the rows of the plane ("x y", from 3 joints on with the
+            rotation); otherwise "pose" from 6 joints on, else "position". If these are impossible
+            together, those that the joints move.
+        joints: Which joints count besides those between spacecraft and tips: "tip" for no others,
+            "all", or the names of some.
         locked: Joints to lock, with their values [rad] or [m].
         check: What to do with inertias that no rigid body can have, and with joints that move no
             mass: "error", "warn" or "accept". Default: that of the catalogue for its models,
@@ -126,15 +126,15 @@ def mount(
 ) -> SpaceArm:
     """Bolt an arm to a spacecraft; call it again for a second and a third arm.
 
-    All that moves keeps the names of links and joints that it has in the arm's file. The fixed base
-    becomes part of the spacecraft, and its names get the arm's name and "_" in front. So do all
-    names if `name` is given or the bus has one of them already, as for a second arm of one kind: a
-    tip "hand" of an arm mounted as "left" is "left_hand". A frame with the arm's name alone is at
-    the same place: "left".
+    Joints and moving links keep their names from the arm's file. The fixed base becomes part of the
+    spacecraft, and its names get the arm's name and "_" as a prefix. All names get this prefix if
+    `name` is given, or if the bus has one of them already, as with a second arm of the same kind:
+    the tip "hand" of an arm mounted as "left" is "left_hand". A frame named as the arm itself,
+    "left", is at the same place.
 
-    The tip of the result is that of the arm mounted last, whose joints count, while fingers and
-    other arms are held; `SpaceArm.replace` takes the other one, or both: `tip=("left", "right")`.
-    The order in which arms with given names are mounted makes no other difference.
+    The tip of the result is that of the arm mounted last. Its joints count, while fingers and other
+    arms are held; `SpaceArm.replace` chooses the other one, or both: `tip=("left", "right")`.
+    Otherwise the order in which arms with given names are mounted makes no difference.
 
     Args:
         arm: An arm without a spacecraft: a name that `arms` lists, or what `load` takes.
@@ -142,8 +142,8 @@ def mount(
             and wheels are kept.
         at: Pose of the arm's root link in the frame of the bus, a pin.SE3 or a (4, 4) matrix. If
             None, the middle of the top face (+z) of a `Bus` with a size, else the identity.
-        name: Name of the arm, which all its names start with. Default: the robot's name, numbered
-            from the second arm on.
+        name: Name of the arm, the prefix of all its links and joints. Default: the robot's name,
+            numbered from the second arm on.
         tip: Link of the arm that is its tip, as in `load`.
         task: The twist rows that count; see `load`.
         joints: Which joints count besides; names are those of the result. See `load`.

@@ -323,17 +323,16 @@ class Tracking(Law):
 
     The inverse dynamics control of Siciliano, Sciavicco, Villani & Oriolo, Robotics (2009), section
     8.5.2, DOI 10.1007/978-1-84628-642-1, with the dynamics of the floating arm. Masses and momentum
-    are those of the motion, as it was planned, whatever the arm that is led has.
+    are those of the planned motion, whatever those of the simulated arm are. If wheels bring a
+    tumbling spacecraft to rest, the law includes their torques; simulate with
+    `sa.Plant(wheels=law.wheel_torques)`.
 
-    Where wheels bring a tumbling spacecraft to rest, the law minds their torques: `wheel_torques`,
-    which `sa.simulate` takes as `wheels=`.
-
-    q_d is a spline through the rows of the motion over time, and through their rates and
-    accelerations where these are its own, as of paths that are followed; before it begins and after
-    it has ended the joints hold still. Plans start and end at rest.
+    q_d is a spline over time through the rows of the motion, and through their rates and
+    accelerations if the motion has these, as followed paths do. Before it begins and after it has
+    ended the joints hold still. Plans start and end at rest.
 
     Attributes:
-        motion: The motion that the joints keep to.
+        motion: The motion that the joints follow.
         rate: Rate at which errors vanish, critically damped [1/s].
     """
 
@@ -376,7 +375,7 @@ class Tracking(Law):
 
     @property
     def moving(self) -> bool:
-        """True: the target is where the motion is at the time."""
+        """True: the target moves with the motion."""
         return True
 
     def error(self, t: float, cfg: Configuration) -> Array:

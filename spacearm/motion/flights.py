@@ -33,9 +33,9 @@ TOLD = ("names", "phases", "begins", "events", "captures", "ended", "not_checked
 class Flight(Trajectory, kw_only=True):
     """The phases of a flight as one motion, from `sa.simulate_phases`.
 
-    Its configurations are of the arm with what it holds then. Momentum and energy jump where a body
-    is grasped. Where a phase begins its first row is left out: positions are those of the last row
-    of the phase before. `events` have "grasp" and "release" too.
+    Its configurations are those of the arm with what it holds at the time. Momentum and energy jump
+    where a body is grasped. The first row of a phase is left out: its positions are those of the
+    last row of the phase before. `events` have "grasp" and "release" too.
 
     Attributes:
         phases: The trajectories, each of the arm with what it held then; their times begin at 0.
@@ -266,8 +266,8 @@ class Grasp(Parameters):
         mass: Its mass [kg].
         inertia: (3, 3) its inertia about its CM, tip axes [kg m^2]; a point mass if None.
         com: (3,) its CM in the tip frame [m].
-        twist: (6,) its twist before, [velocity of its CM [m/s]; angular velocity [rad/s]], inertial
-            axes; that of the tip if None: a grasp without impact.
+        twist: (6,) its twist before the grasp, [velocity of its CM [m/s]; angular velocity
+            [rad/s]], inertial axes; that of the tip if None: a grasp without impact.
         joints: "free" or "braked"; see `capture`.
     """
 
@@ -278,7 +278,7 @@ class Grasp(Parameters):
     joints: dynamics.JointState = "free"
 
     def impact(self, cfg: Configuration, dq: Array, mode: BaseMode = FLOATING) -> dynamics.Capture:
-        """Return the impact in a configuration with joint rates (n,), as `capture` has it.
+        """Return the impact in a configuration with joint rates (n,), as `capture` computes it.
 
         Args:
             cfg: The configuration.
@@ -347,11 +347,10 @@ class Phase(Parameters):
 
     Attributes:
         controller: As in `simulate`.
-        duration: How long it is at most [s].
-        then: What happens at its end. Where `stop` names events it happens at one of these only,
-            and the flight ends if there was none.
-        mode: What the spacecraft does, as in `simulate`; a grasp changes nothing of an attitude
-            that is held.
+        duration: Its longest duration [s]. then: What happens at its end. If `stop` names events,
+            it happens at one of these only, and the flight ends if there was none.
+        mode: What the spacecraft does, as in `simulate`; an attitude that is held is not changed by
+            a grasp.
         plant: As in `simulate`, for this phase.
         sampling: As in `simulate`.
         stop: As in `simulate`.

@@ -395,8 +395,8 @@ class Followed(Drifting, kw_only=True):
     """The motion of an arm whose tip follows a path, from `sa.follow`.
 
     Attributes:
-        s: (m,) length of path behind the tip [m]; turns count by the task's length, 1 m/rad where
-            it has none, so that it is an angle [rad] for tasks without linear rows.
+        s: (m,) length of path that the tip has covered [m]; turns count by the task's length, or by
+            1 m/rad if it has none, so that s is an angle [rad] for tasks without linear rows.
         length: Length of the whole path, in the unit of s.
         ended: "arrived", "singularity" or "joint limit".
         reason: The same in a sentence, with the place.

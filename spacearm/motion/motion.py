@@ -256,7 +256,7 @@ class Motion(Result):
 
     @property
     def origin(self) -> str:
-        """What is at the origin of the inertial frame, from which all places are given."""
+        """What is at the origin of the inertial frame, from which all positions are given."""
         return origin_of(self[0])
 
     @property

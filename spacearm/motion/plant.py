@@ -146,18 +146,20 @@ class Plant(Parameters):
 @checked
 @dataclass(frozen=True, kw_only=True)
 class Integration(Parameters):
-    """How a simulation is integrated, and what is looked for on the way.
+    """How a simulation is integrated, and which events it looks for on the way.
 
     Attributes:
         rtol: Relative tolerance of each step.
         atol: Absolute one [rad], [m], [rad/s], [m/s], [J].
         dt: Spacing of the output [s]; a thousandth of the duration if None.
-        events: What to note: "singularity" (the determinant of the task Jacobian changes its sign,
-            or where J* is not square the distance to the singular set falls to half a degree),
-            "joint limit", "target" (the controller's `error` falls to `reach`), "wheel full".
+        events: Events to record: "singularity" (the determinant of the task Jacobian changes its
+            sign, or where J* is not square the distance to the singular set falls to half a
+            degree), "joint limit", "target" (the controller's `error` falls to `reach`), "wheel
+            full".
         reach: How near the target is reached: norm of the error.
         method: "DOP853" (explicit, of order 8), "Rodas5P" (linearly implicit, of order 5, for stiff
-            torques) or "auto", which begins with the first and takes the second where that pays.
+            torques) or "auto", which begins with DOP853 and switches to Rodas5P where that is
+            faster.
     """
 
     rtol: float = 1e-8
@@ -181,7 +183,7 @@ class Integration(Parameters):
 class Sampling(Parameters):
     """How a controller in a computer sees the arm and acts.
 
-    At each multiple of the period it is given what the sensors measure; its torques act after the
+    At each multiple of the period it gets what the sensors measure. Its torques act after the
     delay, until the next ones do. Noise is normally distributed, drawn anew at each sample. The
     system CM, the momentum and what wheels hold are known exactly.
 
@@ -193,7 +195,7 @@ class Sampling(Parameters):
         rate_noise: That of the joint rates [rad/s] or [m/s], likewise.
         attitude_noise: That of the spacecraft's attitude, a turn about each of its axes [rad], one
             number or (3,).
-        seed: Of the noise; run i of `simulate_many` is that of `simulate` with seed + i.
+        seed: Seed of the noise; run i of `simulate_many` is that of `simulate` with seed + i.
     """
 
     period: float
@@ -211,11 +213,11 @@ class Sampling(Parameters):
 
     @property
     def tracking_rate(self) -> float:
-        """A rate of `Tracking` [1/s] that this bears: at most 0.52 of that where it gets unstable.
+        """A rate for `Tracking` [1/s] that stays stable: at most 0.52 of the rate that does not.
 
-        Joints that are led by computed torque are double integrators. With a torque held over the
-        period T they are stable for rates below 1 / T, with a delay d much longer than T for rates
-        below 0.648 / d.
+        Under computed torque the joints are double integrators. With a torque held over the period
+        T they are stable for rates below 1 / T; with a delay d much longer than T, for rates below
+        0.648 / d.
         """
         return 0.5 / (self.period + 1.5 * self.delay)
 
@@ -223,7 +225,7 @@ class Sampling(Parameters):
         """Return the standard deviations (2 n + 3,) of positions, rates and attitude.
 
         Raises:
-            ConfigurationError: They are of other shapes, or below 0.
+            ConfigurationError: They have other shapes, or are below 0.
         """
         parts = []
         for name, size in (("position_noise", n), ("rate_noise", n), ("attitude_noise", 3)):

@@ -66,24 +66,24 @@ def simulate(
             wheels hold, and the momentum. Where the spacecraft's attitude is controlled only the
             linear momentum counts.
         controller: Called as controller(t, cfg, dq), returns (n,) torques [N m] or forces [N]; at
-            times in any order, so that it must not remember. Plain array code is compiled, other
-            code is called in Python. Of an arm with several tips `sa.Tracking` of a motion of all
-            joints, or a law for each, by the tip's name: it acts on the joints that move that tip.
+            times in any order, so it must have no memory. Plain array code is compiled, other code
+            is called in Python. For an arm with several tips: `sa.Tracking` of a motion of all
+            joints, or a law for each tip by its name, which acts on the joints that move that tip.
         duration: How long [s].
         dq: (n,) joint rates at the start [rad/s] or [m/s]; zeros if None.
         mode: What the spacecraft does; see `generalized_jacobian`.
-        origin: Where the inertial frame has its origin: "spacecraft", as the pose of the start
-            says, so that poses of `SpaceArm.at` are goals as they are; or "cm", the system CM at
-            the start, as for points of a `Workspace`, the pose giving the attitude.
-        plant: What acts besides: wheels, wrenches, thrusters, springs and friction, motor limits.
-        sampling: Period, delay and noise of a controller of fixed rate, which holds its torques in
-            between; None for one that acts at all times.
+        origin: Origin of the inertial frame: with "spacecraft" where the pose of the start has it,
+            so that poses of `SpaceArm.at` can be used as goals; with "cm" the system CM at the
+            start, as for points of a `Workspace`, while the pose gives the attitude.
+        plant: What else acts: wheels, wrenches, thrusters, springs and friction, motor limits.
+        sampling: Period, delay and noise of a controller with a fixed rate, which holds its torques
+            in between; None for one that acts continuously.
         stop: Events that end the run; see `Integration`.
-        integration: Tolerances, spacing of the output, and the events that are noted.
+        integration: Tolerances, spacing of the output, and the events to record.
         progress: Called now and then as progress(t, duration), both simulated time [s].
 
     Returns:
-        The trajectory; of a run that Ctrl-C interrupted what there is, `ended` "interrupted".
+        The trajectory; after Ctrl-C, what there is of it, with `ended` "interrupted".
 
     Raises:
         ConfigurationError: An argument does not make sense, or the target is out of reach.
@@ -191,8 +191,8 @@ def simulate_many(
 ) -> xr.Dataset:
     """Simulate m runs of an arm, side by side on all processors.
 
-    Each run is the one that `simulate` makes of the same arguments. Laws of `sa` and functions of
-    plain array code run in parallel; a controller called in Python holds the others up.
+    Each run is what `simulate` returns for the same arguments. Laws of `sa` and functions in plain
+    array code run in parallel; controllers called in Python run one after the other.
 
     Args:
         starts: m configurations of one arm, as in `simulate`, or of arms that differ by masses
@@ -205,10 +205,10 @@ def simulate_many(
         plant: As in `simulate`, for all runs.
         sampling: As in `simulate`, with noise of its own for each run.
         stop: Which events end a run.
-        distance: Whether `distance` is wanted too; it is NaN if not.
+        distance: Whether to compute `distance` too; else it is NaN.
         integration: As in `simulate`, here with tolerances of 1e-6 and 1e-8; without `dt`.
         threads: Number of threads; one per available processor if None.
-        progress: Called as progress(done, m) now and then; parts of runs count.
+        progress: Called now and then as progress(done, m); parts of runs count.
 
     Returns:
         A dataset along "run": `success` (the target was reached), `time_to_target`,
@@ -216,7 +216,7 @@ def simulate_many(
         (largest turn of the spacecraft from its start [rad]) and `distance` (least distance to the
         singular set to first order [rad]) of 200 instants and the end, `t` (end [s]), `imbalance`
         (as `Trajectory.imbalance`, of the end), `ended`, `q0`, and `q`, `dq` and `base` at the end.
-        Times that there are not are NaN. A run that fails does not end the others: it has
+        Times that do not exist are NaN. A run that fails does not end the others: it has
         "controller failed", "equations failed" or "step collapsed" in `ended`. The attribute
         `called` names the functions that were called in Python, and why.
 

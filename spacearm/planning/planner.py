@@ -41,42 +41,42 @@ def plan(
 
     With momentum the spacecraft drifts while the arm moves. Then plans at zero momentum, from an
     attitude turned by about the drift, and straight joint motions are bent until the tip arrives at
-    a stated time; it does not stay there. So they are to arrive with a `final_twist`. What the
-    wheels of the start hold they keep.
+    a stated time; it does not stay there. With a `final_twist` they are bent in the same way.
+    Wheels keep what they hold at the start.
 
-    With `mode="attitude-controlled"` wheels hold the attitude: what each holds and gives is kept
-    within its limits at every instant, as far as the duration allows. The wheels hold the angular
-    momentum of the start; where its wheels are all zero, each its share of it.
+    With `mode="attitude-controlled"` wheels hold the attitude: the momentum and the torque of each
+    stay within its limits at every instant, as far as the duration allows. The wheels hold the
+    angular momentum of the start; if the start says zero for all wheels, each holds its share.
 
     Methods, in the order in which "auto" tries them: "straight", a line of the tip by J*; "tree",
-    straight joint motions grown at random until one arrives, then shortened; "boxes", if the
-    search has any, a way through boxes in which no posture is singular, then as "tree"; "joint
-    space", the shortest joint curve that arrives; "roadmap", straight pieces by way of other
-    postures, whose turns of the spacecraft add up; "cycles", a closed loop in joint space that
-    turns the spacecraft, run through as often as it takes, then a curve to the goal; "attitude
-    first", a joint motion that turns the spacecraft to an attitude from which the line is free
-    (Nanos & Papadopoulos, 2015).
+    straight joint motions grown at random until one arrives, then shortened; "boxes", if the search
+    has any, a path through boxes in which no posture is singular, then as "tree"; "joint space",
+    the shortest joint curve that arrives; "roadmap", straight pieces through other postures, whose
+    turns of the spacecraft add up; "cycles", a closed loop in joint space that turns the
+    spacecraft, repeated as often as needed, then a curve to the goal; "attitude first", a joint
+    motion that turns the spacecraft to an attitude from which the line is free (Nanos &
+    Papadopoulos, 2015).
 
     Args:
         start: Where it begins: the arm with its joint positions, the pose of the spacecraft, the
             constant momentum on board and what each wheel holds of it.
-        goal: A point in the task's linear rows [m], a pose, or `Joints`; of an arm with several
-            tips goals by the names of tips. If one is named, joints that do not lead to it are free
-            to move; to hold them, load the arm with this tip alone.
-        via: Goals on the way, in order, of several tips by the same names as `goal`. The joints
-            rest there with momentum on board or a `final_twist`, else only where they turn sharply.
-        final_attitude: (3, 3) attitude that the spacecraft shall have at the end, or a pose with
-            it, or for planar arms an angle [rad].
-        final_twist: (k,) twist with which the tip arrives in the task's rows [m/s], [rad/s], along
-            the axes of points, the drift by the momentum included; at rest if None. Of several
-            tips by their names, those that are not named come to rest. What follows, as a
-            grasp or a `Phase`, begins with the joint rates `Plan.final_rates`.
-        duration: When the motion ends [s]; if None as soon as the velocity limits and the wheels
-            allow, with momentum or a twist about so.
+        goal: A point in the task's linear rows [m], a pose, or `Joints`; for an arm with several
+            tips, goals by the names of tips. If only one tip is named, joints that do not lead to
+            it are free to move; to hold them, load the arm with this tip alone.
+        via: Goals on the way, in order; for several tips by the same names as `goal`. With momentum
+            on board or a `final_twist` the joints rest there, else only where they turn sharply.
+        final_attitude: (3, 3) attitude of the spacecraft at the end, or a pose with this attitude,
+            or for planar arms an angle [rad]; any attitude if None.
+        final_twist: (k,) twist with which the tip arrives, in the task's rows [m/s], [rad/s], along
+            the axes of points, with the drift by the momentum included; at rest if None. For
+            several tips by their names; those not named come to rest. What follows, such as a grasp
+            or a `Phase`, begins with the joint rates `Plan.final_rates`.
+        duration: When the motion ends [s]. If None as soon as the velocity limits and the wheels
+            allow; with momentum or a twist approximately so.
         mode: What the spacecraft does: "free-floating", or "attitude-controlled".
-        origin: Where the inertial frame has its origin: "spacecraft", as the start says, so that
-            poses of `SpaceArm.at` are goals as they are; or "cm", the system CM at the start, as
-            for points of a `Workspace`, the base of the start giving the attitude.
+        origin: Origin of the inertial frame: with "spacecraft" where the base of the start has it,
+            so that poses of `SpaceArm.at` can be used as goals; with "cm" the system CM at the
+            start, as for points of a `Workspace`, while the base gives the attitude.
         constraints: What must hold on the way.
         search: How to look for it, and for how long.
 
@@ -88,12 +88,12 @@ def plan(
         UnsupportedError: The arm has several tips, fewer joints than its task has rows, wheels
             that cannot hold the attitude, or no shapes that obstacles could meet.
         ImpossibleError: It is proven that there is no such motion: det J* changes its sign between
-            start and goal, for arms of up to three joints whatever the attitude at the end, or the
-            goal is out of reach. A NoSolutionError, too. At zero momentum it says which relaxation
-            was tried and works, as another posture of the same pose.
-        NoSolutionError: No motion was found; says which constraint stopped most attempts and what
-            to relax, and why every method failed, and carries the best attempt (the start alone,
-            where there is no better).
+            start and goal (for arms of up to three joints, whatever the attitude at the end), or
+            the goal is out of reach. At zero momentum it says which relaxation was tried and works,
+            such as another posture of the same pose. It is a NoSolutionError too.
+        NoSolutionError: No motion was found; says which constraint stopped most attempts, what to
+            relax, and why every method failed. Carries the best attempt (the start alone if there
+            is no better).
         StoppedError: Ctrl-C; says and carries the same.
 
     Example:
@@ -181,12 +181,12 @@ def connected(
     limits: bool = True,
     search: Search = Search(timeout=10.0),
 ) -> Connection:
-    """Tell whether a joint path leads from one posture to another without a singularity.
+    """Decide whether a joint path leads from one posture to another without a singularity.
 
-    The spacecraft floats; where it is does not matter. Of a square arm the answer is "no" where
-    det J* has one sign at the start and the other at the goal, rounding included; then it says
-    which relaxation was tried and works, as `plan` does. It is "yes" by
-    the straight line, or by a path of the planner, each with its certificate.
+    The spacecraft floats; its pose does not matter. For an arm with as many joints as task rows the
+    answer is "no" if det J* has opposite signs at start and goal, rounding included; it then says
+    which relaxation was tried and works, as `plan` does. It is "yes" by the straight line, or by a
+    path of the planner, each with its certificate.
 
     Args:
         start: The posture at one end.

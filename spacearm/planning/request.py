@@ -51,20 +51,20 @@ class Constraints(Parameters):
     """What must hold on the way of a plan.
 
     Attributes:
-        limits: Whether the joint limits hold.
-        collisions: Whether the spacecraft and the links must not meet. Links count with their
-            collision geometry, or their visuals where they have none; meshes as convex hulls.
+        limits: Whether the joint limits must hold.
+        collisions: Whether the spacecraft and the links must not meet each other. Links count with
+            their collision geometry, or their visuals if they have none; meshes as convex hulls.
             Bodies on both sides of one joint may touch. `Plan.checked` says what was checked.
-        obstacles: What the spacecraft and the links must not meet besides, in the inertial frame,
-            as the base of the start and poses as goals are: `Obstacle.box`, `.sphere`, `.cylinder`,
-            `.mesh` and `.robot`, and configurations or motions of other robots; one or several.
-            Those that move begin with the plan. That none is met is proven for the motion with the
-            spacecraft turning as it does.
-        clearance: How far from every singular posture the motion stays at least [rad], from 0 to 1:
-            proven of what is flown where J* has minors, else to first order at the rows. If None,
-            0.1 degrees, but no more than half of what the start has.
+        obstacles: What else the spacecraft and the links must not meet, one or several:
+            `Obstacle.box`, `.sphere`, `.cylinder`, `.mesh` and `.robot`, and configurations or
+            motions of other robots. They are given in the inertial frame, like the base of the
+            start and goal poses. Those that move start with the plan. That none is met is proven
+            for the motion with the spacecraft turning as it does.
+        clearance: Least distance from every singular posture on the way [rad], from 0 to 1: proven
+            for what is flown if J* has minors, else to first order at the rows. If None, 0.1
+            degrees, but no more than half the distance at the start.
         keep_attitude: Largest turn of the floating spacecraft on the way [rad], proven between the
-            rows too; joints of another arm, if they count, move so as to keep it. None for any.
+            rows too. Joints of another arm, if they count, move to keep it. None allows any turn.
         rates: Largest joint rates [rad/s] or [m/s], one number or (n,); if None those of the
             description, and 0.5 where it gives none.
         wheels: Limits of each wheel that holds the attitude or detumbles; if None those of the
@@ -99,7 +99,7 @@ class Constraints(Parameters):
         """Return the largest rates of the joints of an arm (n,) [rad/s] or [m/s].
 
         Raises:
-            ConfigurationError: They are no positive numbers, one or one per joint.
+            ConfigurationError: They are not positive numbers, one for all or one per joint.
         """
         return for_each_joint(arm, self.rates, "rates", largest_rates(arm))
 

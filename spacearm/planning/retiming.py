@@ -160,16 +160,16 @@ def time_optimal(
     wheels: WheelHold | None = None,
     rise: float = RISE,
 ) -> AnyMotion:
-    """Lead a motion along its path as fast as its joints can, from rest to rest.
+    """Retime a motion along its path to be as fast as its joints allow, from rest to rest.
 
-    The path is a smooth curve through the motion's rows, at whose sharp corners the joints come to
-    rest. Of all ways to run through it the fastest that keeps the limits is found by reachability
-    analysis: Pham & Pham, IEEE Trans. Robot. 34(3), 645-659 (2018), DOI 10.1109/TRO.2018.2819195,
-    with the library toppra (extra `timing`). Torques are those of the floating arm at zero
-    momentum, or in the motion's mode. They would jump at the ends and wherever another limit takes
-    over: a moving average, a raised cosine over `rise`, makes them continuous, from zero to zero.
-    Then time is stretched until all limits hold. Where wheels hold the attitude of a plan, what
-    each gives and holds is kept within its limits too, at every instant.
+    The path is a smooth curve through the motion's rows; at its sharp corners the joints come to
+    rest. The fastest timing that keeps the limits is found by reachability analysis: Pham & Pham,
+    IEEE Trans. Robot. 34(3), 645-659 (2018), DOI 10.1109/TRO.2018.2819195, with the library toppra
+    (extra `timing`). Torques are those of the floating arm at zero momentum, or in the motion's
+    mode. They would jump at the ends and wherever another limit becomes active, so a moving
+    average, a raised cosine over `rise`, makes them continuous, from zero to zero. Then time is
+    stretched until all limits hold. If wheels hold the attitude of a plan, torque and momentum of
+    each stay within its limits too, at every instant.
 
     Args:
         motion: The motion, at zero momentum, or held by wheels; a `Plan` remains one.
@@ -183,15 +183,15 @@ def time_optimal(
         rise: Share of the duration over which torques build up, from 0 (they jump) to 1.
 
     Returns:
-        The motion with new times and rows. Of a plan, that it keeps joint limits and clearance and
-        that no bodies meet is checked anew.
+        The motion with new times and rows. Joint limits, clearance and collisions of a plan are
+        checked again.
 
     Raises:
         ConfigurationError: An argument does not make sense, or the motion stays where it is.
         UnsupportedError: The plan ends with a twist, or has momentum that no wheels hold, toppra is
             not installed (pip install 'spacearm[timing]'), or nothing limits the acceleration of a
             joint.
-        NoSolutionError: The smooth path breaks what the plan keeps; names it.
+        NoSolutionError: The smooth path violates what the plan keeps; names it.
 
     Example:
         >>> import spacearm as sa

@@ -142,19 +142,18 @@ def design_report(
 ) -> Path:
     """Write a design report of an arm: one HTML page with everything inside it.
 
-    It holds the arm, its singular sets, joint ranges without singular posture, its workspaces and
+    It shows the arm, its singular sets, joint ranges without singular posture, its workspaces and
     the share of postures near singularities, the turn of the bus by straight lines of the tip, and
-    wheels that would hold it.
-    Beneath every figure stands the command that makes it. What an arm cannot have is named with the
-    reason.
+    wheels that would hold the attitude. Beneath every figure stands the command that makes it. If a
+    result does not exist for the arm, the page says why.
 
     Args:
         arm: The arm.
         path: The page to write.
         q0: (n,) the working posture, from which lines of the tip go; the one farthest from
             singularities of 2,000 within the joint limits if None.
-        words: The words of the command line that describe the arm, for the commands; its file's
-            path or catalogue name if None.
+        words: The arguments that describe the arm on the command line, for the commands in the
+            report; its file's path or catalogue name if None.
         progress: Called as progress(done, sections).
 
     Returns:

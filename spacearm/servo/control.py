@@ -26,17 +26,18 @@ SAME = 1e-6
 class ServoControl(Law):
     """A servo in the loop of `simulate`: inverse dynamics makes the joints take up its rates.
 
-    It remembers, so that it is sampled: `sampling=sa.Sampling(period=control.period)`.
+    It has a state, so it must be sampled: `sampling=sa.Sampling(period=control.period)`.
 
     Attributes:
         servo: The servo.
-        twist: The wished twist, as `Servo.step` takes it, or a function of (t, cfg) that gives it.
+        twist: The commanded twist, as `Servo.step` takes it, or a function of (t, cfg) that gives
+            it.
         period: Time between two steps [s].
         gain: Rate at which the joints take up their rates [1/s].
 
     Raises:
-        ConfigurationError: period or gain is not positive; or, as it is called, the times are not
-            those of a controller that is sampled with its period.
+        ConfigurationError: period or gain is not positive; or, when it is called, the times are not
+            those of a controller sampled with its period.
 
     Example:
         >>> import spacearm as sa

@@ -1,4 +1,4 @@
-"""The servo at run time: wished twists of the tip become joint rates that keep off the set."""
+"""The servo at run time: commanded twists of the tip become joint rates that keep off the set."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ SEEN = 0.999
 HALTED = {
     "q": "the joint positions are not finite numbers",
     "quaternion": "the attitude is no unit quaternion",
-    "twist": "the wished twist is not finite",
+    "twist": "the commanded twist is not finite",
     "dt": f"dt is not a time above 0 and up to {LONGEST:g} s",
     "momentum": "the momentum is not finite",
     "jump": "a joint has moved faster than twice its largest rate since the last step",
@@ -52,22 +52,23 @@ HALTED = {
 
 
 class ServoStep(Result):
-    """What `Servo.step` gives: joint rates, and what there is to tell of them.
+    """What `Servo.step` returns: joint rates, and what limits them.
 
     Attributes:
         arm: The arm.
         rates: (n,) joint rates [rad/s] or [m/s] until the next step.
-        distance: How far the nearest singular posture is that the servo follows [rad]: found at
-            most, the nearest of all is no farther, but for the last step along the set; inf if it
-            knows none. One that it has lost counts on, ever farther away, up to `slow`.
-        distance_proven: None is nearer than this [rad], proven when the servo was started, less the
-            way since then; zero where nothing is proven.
+        distance: Distance of the nearest singular posture that the servo follows [rad]: found, so
+            the nearest of all is no farther, except for the last step along the set; inf if it
+            knows none. A posture that it has stopped following still counts, ever farther away, up
+            to `slow`.
+        distance_proven: No singular posture is nearer than this [rad]: what was proven when the
+            servo was started, less the joint motion since then; zero where nothing is proven.
         nearest: (n,) that singular posture.
         away: (n,) joint motion [rad] or [m] per radian of distance that leads away from it.
         lost: (6 tips,) direction of the twist that is being lost, towards the set, in the axes of
-            the wished twist.
+            the commanded twist.
         closing: Rate at which the distance falls [rad/s].
-        done: Share of the wished twist that is done, of its task rows.
+        done: Share of the commanded twist, of its task rows, that is done.
         slowed: What slows the motion, with the share that it leaves: "lost direction" (that of
             `lost` alone), "approach" (to the set), "rate", "wheels", "position" and "stopping
             distance" (from which the arm could not stop any more, or where the next step is due so
@@ -98,7 +99,7 @@ class ServoStep(Result):
             where = f"a singular posture found {angle(self.distance)} away"
         if self.slowed:
             where += f"; slowed by {listed(list(self.slowed))}"
-        return f"{where}; {self.done:.0%} of the wished motion is done"
+        return f"{where}; {self.done:.0%} of the commanded motion is done"
 
     not_checked = "collisions"
 
@@ -129,19 +130,19 @@ class ServoStep(Result):
 
 @checked
 class Servo:
-    """A servo: wished twists of the tip as joint rates that keep off the singular set.
+    """A servo: turns commanded twists of the tip into joint rates that keep off the singular set.
 
     Far from the set the rates are J*^+ v. Nearer than `slow` only the direction that is being lost
     is slowed, and the distance to the set falls ever more slowly, so that `stop` is not passed;
-    motions along the set and away from it stay free. Redundant arms raise the distance by the way.
-    Joint limits, rates and accelerations are kept by scaling that keeps the direction, and so that
-    the arm can always brake before a limit. Whatever comes in, no step exceeds them: input that
-    makes no sense brings the arm to rest, and the step says why.
+    motions along the set and away from it stay free. Redundant arms raise the distance by their
+    null space. Joint limits, rates and accelerations are kept by scaling, which keeps the
+    direction, so that the arm can always brake before a limit. Whatever the input, no step exceeds
+    them: invalid input brings the arm to rest, and the step says why.
 
     The distance is that to the nearest of the singular postures that the servo has found and
-    follows from step to step; `start` searches them as `SingularSet.nearest` does, and scouts look
-    for nearer ones at each step. That none is missed is tested, and not proven, but within
-    `ServoStep.distance_proven`. Far from the set a nearer one may be missed for a while.
+    follows from step to step; `start` searches for them as `SingularSet.nearest` does, and each
+    step looks for nearer ones. Only within `ServoStep.distance_proven` is it proven that none is
+    missed; beyond, it is tested. Far from the set a nearer one may be missed for a while.
 
     The theory: control barrier functions, Ames, Xu, Grizzle & Tabuada, IEEE Trans. Autom. Control
     62(8), 3861-3876 (2017), DOI 10.1109/TAC.2016.2638961; damping of the vanishing direction alone,
@@ -150,12 +151,12 @@ class Servo:
     Args:
         arm: The arm.
         stop: Distance to the singular set that is kept [rad].
-        slow: Distance from which on nothing is slowed [rad].
+        slow: Distance beyond which nothing is slowed [rad].
         tau: Time constant with which `stop` is approached [s].
-        rates: Largest joint rates, one or (n,) [rad/s] or [m/s]; of the joints' own if None.
+        rates: Largest joint rates, one or (n,) [rad/s] or [m/s]; those of the description if None.
         accelerations: Largest joint accelerations, one or (n,) [rad/s^2] or [m/s^2]; none if None.
         mode: What the spacecraft does; see `generalized_jacobian`.
-        frame: Axes of the twists: "inertial", "spacecraft", or "tip" for each its own.
+        frame: Axes of the twists: "inertial", "spacecraft", or "tip" (each tip's own).
         keep_attitude: Whether the null space of a redundant arm, such as its second arm, turns the
             spacecraft as little as it can.
         wheels: Largest angular momentum of the moving arm that wheels have to take up [N m s]; None
@@ -245,7 +246,7 @@ class Servo:
         return unpacked(Tick, found[: self._size], n, tips)
 
     def seen(self, posture: Posture, twist: ArrayLike, dt: float) -> Seen:
-        """Return what a step is told; numbers that make no sense are left for it to see.
+        """Return the input of a step; invalid numbers are left for the step to detect.
 
         Raises:
             ConfigurationError: Something has the wrong shape.
@@ -266,13 +267,14 @@ class Servo:
         return Seen(q, turn, v, _numbers(dt, (), "dt"), momentum)
 
     def start(self, posture: Posture, *, prove: bool = False) -> None:
-        """Begin at rest at a posture: search the singular postures about it.
+        """Begin at rest at a posture: search for the singular postures about it.
 
         Without it the first steps search, with the arm at rest.
 
         Args:
             posture: A configuration, or (q, base).
-            prove: Whether to prove how near none is, as `SingularSet.nearest`, in seconds.
+            prove: Whether to prove a distance within which there is none, as `SingularSet.nearest`
+                does; this takes seconds.
 
         Raises:
             ConfigurationError: The posture does not make sense.
@@ -296,14 +298,15 @@ class Servo:
         """Return the joint rates of the next time step.
 
         Args:
-            posture: Where the arm is: a configuration, or (q, base). Its momentum is minded.
-            twist: (6 tips,) the wished twist of the tips [linear [m/s]; angular [rad/s]], or (k,)
-                its task rows.
+            posture: Where the arm is: a configuration, or (q, base). The momentum of a
+                configuration counts.
+            twist: (6 tips,) the commanded twist of the tips [linear [m/s]; angular [rad/s]], or
+                (k,) its task rows.
             dt: Time until the next step [s].
 
         Returns:
-            The rates, the distance, what is being lost and slowed; a halt with its reason where
-            what came in makes no sense.
+            The rates, the distance, what is being lost and slowed; a halt with its reason if the
+            input is not valid.
         """
         tick = self.tick(self.seen(posture, twist, dt))
         gone = np.linalg.norm(self.memory.q / joint_scales(self.arm) - self._anchor)
@@ -326,10 +329,10 @@ class Servo:
             messages: `JointState`s, or messages in the order of their times: mappings, texts of
                 JSON, or ROS 2's JointState. They have `t` (or `time`, or a `header` with a `stamp`)
                 and `q` (n,), or `name` and `position`, and `dq` or `velocity` if they know it.
-            ahead: Time ahead that is warned of [s].
+            ahead: How far ahead to warn [s].
 
         Yields:
-            What there is to say of each: how near the set is, and when it will be at `stop`.
+            For each message, how near the set is, and when it will be at `stop`.
 
         Raises:
             ConfigurationError: A message is no joint state of the arm.

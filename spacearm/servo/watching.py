@@ -39,19 +39,19 @@ class JointState(NamedTuple):
 
 
 class Watched(Result):
-    """What is to say of a joint state of a stream.
+    """What `Servo.watch` says about one joint state of a stream.
 
     Attributes:
         arm: The arm.
         t: Time [s].
         q: (n,) joint positions.
-        distance: How far the nearest singular posture that is followed is [rad]: found, the nearest
-            of all is no farther; inf if none is known, or in a fault.
+        distance: Distance of the nearest singular posture that is followed [rad]: found, so the
+            nearest of all is no farther; inf if none is known, or for a fault.
         nearest: (n,) that posture.
         closing: Rate at which the distance falls [rad/s].
         ahead: Time until the distance is `stop`, at this rate [s]; inf if it does not fall.
-        level: "stop" nearer than `stop`; "warning" nearer than `slow`, or `stop` is ahead;
-            "fault" where the message makes no sense; else "clear".
+        level: "stop" nearer than `stop`; "warning" nearer than `slow`, or `stop` is ahead; "fault"
+            if the message is not valid; else "clear".
         fault: What is wrong with the message.
     """
 
@@ -107,7 +107,7 @@ def watched(
         limits: What the servo keeps.
         follow: Follows the set to joint positions (n,), so long after the last [s].
         states: The states.
-        ahead: Time ahead that is warned of [s].
+        ahead: How far ahead to warn [s].
     """
     last, unit = None, joint_scales(arm)
     for state in states:

@@ -239,10 +239,10 @@ class Component(NamedTuple):
 class SingularSet(Described, ABC):
     """The configurations at which the task Jacobian of an arm is singular; see `singular_set`.
 
-    `sample` and `nearest` work for every arm; `is_free` and `clearance` for all that float with one
-    tip and no sliding joint, and for others whose minors have not too many coefficients. The other
-    methods raise `UnsupportedError` where the set of this arm does not have what they return; the
-    message says why.
+    `sample` and `nearest` work for every arm; `is_free` and `clearance` for all floating arms with
+    one tip and no sliding joint, and for others if their minors do not have too many coefficients.
+    The other methods raise `UnsupportedError` where the set of this arm does not have what they
+    return; the message says why.
 
     Attributes:
         arm: The arm.
@@ -281,9 +281,9 @@ class SingularSet(Described, ABC):
     def any_payload(self) -> bool:
         """Whether the set is the same for every rigid body held at the tips, whatever its mass.
 
-        So it is if the task has all rows of the tip's twist: the full pose, or "x y rz" for an arm
-        in the plane and bodies that keep it planar. Distances and certificates then hold for every
-        payload too, and for every mass, inertia and CM of the links `any_mass`.
+        This holds if the task has all rows of the tip's twist: the full pose, or "x y rz" for an
+        arm in the plane and bodies that keep it planar. Distances and certificates then hold for
+        every payload too, and for every mass, inertia and CM of the links `any_mass`.
         """
         return any_payload(self.arm, self.mode)
 
@@ -296,40 +296,41 @@ class SingularSet(Described, ABC):
     def roots(self, q: ArrayLike, joint: int | str | None = None) -> Roots:
         """Find every singular value of one joint with the others as in q.
 
-        There are none as a rule where the set has more than one dimension less than joint space;
-        `solve` lets several joints follow.
+        As a rule there are none if the set has at least two dimensions less than joint space;
+        `solve` computes several joints from the others.
 
         Args:
             q: (n,) joint positions; that of the joint itself does not matter.
-            joint: Number from 0 on, or name, or q1, q2, ...; the last one that follows from others
-                if None: of a square arm the one of least degree.
+            joint: Number from 0 on, or name, or q1, q2, .... If None, the last one that follows
+                from others; for an arm with as many joints as task rows, the one of least degree.
         """
 
     @abstractmethod
     def solve(self, q: ArrayLike) -> Array:
         """Find all singular configurations with the free joints as in q, (r, n).
 
-        All joints but `codimension` of them are free: the others follow one after the other. For
-        the full pose of n revolute joints these are joints 5 to n - 1, or others of less degree.
+        All joints but `codimension` of them are free; those follow from the free ones, one after
+        the other. For the full pose of n revolute joints the joints that follow are 5 to n - 1, or
+        others of less degree.
         """
 
     @abstractmethod
     def sample(self, m: int, rng: np.random.Generator | None = None) -> Array:
         """Sample m singular configurations, (m, n).
 
-        A complete set is covered. Of one equation, random lines along each of the k joints that
-        matter in turn give all members that they meet, so that the number of samples on a part of
-        the set goes by its area, to a factor of sqrt(k). Of more, all joints but those that follow
-        (see `solve`) are uniform, given that they can follow, and each solution has the same
-        probability; sheets that do not depend on the joint that follows first are sampled likewise
-        along other joints. For a searched set no measure is promised.
+        A complete set is covered. If it has one equation, random lines along each of the k joints
+        that matter, in turn, give all members that they meet. So the number of samples on a part of
+        the set is proportional to its area, to a factor of sqrt(k). If it has more equations, the
+        free joints (see `solve`) are uniform, given that a solution exists, and each solution has
+        the same probability; sheets that do not depend on the joint that follows first are sampled
+        likewise along other joints. For a searched set no distribution is promised.
 
         Args:
             m: How many.
-            rng: Random numbers; new ones if None.
+            rng: Random number generator; a new one if None.
 
         Raises:
-            ConfigurationError: m is no whole number from 0 on.
+            ConfigurationError: m is not a whole number from 0 on.
             NoSolutionError: The set is empty, or the search of a set that is not complete found too
                 few; carries those found.
         """
@@ -339,16 +340,17 @@ class SingularSet(Described, ABC):
     ) -> NearestSingular:
         """Find the singular configuration nearest to a configuration or a path in joint space.
 
-        It is the best of descents from some 200 starts about q. A proof that none is nearer follows
-        unless joints mimic others (`polynomial.free_regions`), to 99 % of the distance, of
-        redundant arms and paths to 90 %; where it takes too many boxes it ends with what is proven
-        so far. On a path it is looked for from the six places that are nearest to first order.
+        It is the best of descents from some 200 starts about q. Unless joints mimic others, a proof
+        follows that none is nearer (`polynomial.free_regions`): up to 99 % of the distance, for
+        redundant arms and paths 90 %. If the proof takes too many boxes, it ends with what is
+        proven so far. On a path the search starts from the six places that are nearest to first
+        order.
 
         Args:
-            q: (n,) joint positions; rows (m, n) of a path of straight segments; or a motion, of
-                plans the way that is flown.
+            q: (n,) joint positions; rows (m, n) of a path of straight segments; or a motion (for
+                plans, as it is flown).
             limits: Whether only configurations within the joint limits count.
-            progress: Called now and then as progress(done, most); a search may end before.
+            progress: Called now and then as progress(done, most); the search may end earlier.
 
         Returns:
             Configuration, distance and proven distance.
@@ -378,8 +380,8 @@ class SingularSet(Described, ABC):
             clearance: Distance from the segment within which no configuration is singular [rad].
 
         Returns:
-            A certificate, true if it is free; else it names the first singular configuration, or
-            the first at which it could not be decided.
+            A certificate, true if the segment is free; else it names the first singular
+            configuration, or the first that could not be decided.
 
         Warns:
             ModelWarning: An end is outside the joint limits, or looks like degrees.
@@ -442,7 +444,7 @@ class SingularSet(Described, ABC):
             joints: The joints; those that matter if None, such as the two of planar2 (figure 4).
             q: (n,) positions of the other joints; zeros if None.
             resolution: Pieces that are closer together than this may be joined wrongly, and smaller
-                ones missed, for the sake of speed [rad].
+                ones missed [rad]; larger values are faster.
 
         Returns:
             Closed polylines (m, n), every point on the set to rounding, angles continuous along

@@ -140,7 +140,7 @@ class FreeBoxes(Result):
         return np.bincount(self.parts, weights=self.volumes)
 
     def path(self, q0: ArrayLike, q1: ArrayLike) -> Array:
-        """Find a way between two configurations that stays in the boxes, so that it is free.
+        """Find a path between two configurations that stays in the boxes, so that it is free.
 
         Args:
             q0: (n,) where it begins.
@@ -150,8 +150,8 @@ class FreeBoxes(Result):
             (m, n) joint positions, joined by straight segments; each lies in one box.
 
         Raises:
-            NoSolutionError: An end is in no box, or they are in two parts. That is no proof that
-                there is no way.
+            NoSolutionError: An end is in no box, or the ends are in different parts. That does not
+                prove that there is no path.
         """
         ends = [joint_vector(self.arm, q, name) for q, name in ((q0, "q0"), (q1, "q1"))]
         for at in ends:
@@ -164,12 +164,12 @@ class FreeBoxes(Result):
         )
 
     def ways(self, q0: Array, Q: Array) -> Iterator[tuple[int, Array]]:
-        """Yield ways as `path` from one configuration (n,) to others (m, n), the shortest first.
+        """Yield paths as of `path` from a configuration (n,) to others (m, n), the shortest first.
 
         Those that are in no box, or in another part than q0, are left out.
 
         Yields:
-            The number of the other configuration, and the way.
+            The number of the other configuration, and the path.
 
         Raises:
             NoSolutionError: q0 is in no box.
@@ -191,7 +191,7 @@ class FreeBoxes(Result):
             yield i, self._through(chain[::-1], q0, start, end)
 
     def nearest(self, q: Array, most: int) -> Array:
-        """Return the points (m, n) in boxes that are nearest to q (n,), of as many boxes at most.
+        """Return the points (m, n) nearest to q (n,), one per box, of at most so many boxes.
 
         Distances count in units of `joint_scales`.
         """
@@ -248,7 +248,7 @@ class FreeBoxes(Result):
         return at
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the cells to a NumPy archive; `load` reads it, `free_boxes` goes on with it.
+        """Write the cells to a NumPy archive; `load` reads it, `free_boxes` continues from it.
 
         Args:
             path: The file to write.
@@ -269,7 +269,7 @@ class FreeBoxes(Result):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], arm: SpaceArm, mode: BaseMode) -> FreeBoxes:
-        """Read the boxes of an arm; that they are free of its singularities is not proven again.
+        """Read the boxes of an arm; the proof that they are free of singularities is not repeated.
 
         Args:
             path: A file that `save` has written.

@@ -162,7 +162,7 @@ class ExactSet(SingularSet):
         """Sample m singular configurations that cover the set, angles in (-pi, pi].
 
         Raises:
-            ConfigurationError: m is no whole number from 0 on.
+            ConfigurationError: m is not a whole number from 0 on.
             NoSolutionError: The set is empty, or so small that none of many lines meets it.
         """
         m, rng = whole(m, "m", 0), rng or np.random.default_rng()

@@ -119,8 +119,8 @@ class FreeBox(Result):
             [rad]; sliding joints count as in `SingularityReport.radian`.
         stops: What stops each side, lower and upper of one joint after the other.
         cells: Number of cells that the proof took.
-        uncertain: Numbers of the arm by name, and the intervals for all values of which nothing in
-            the ranges is singular (`free_box_for_all`); of the others those of the arm count.
+        uncertain: Intervals of uncertain numbers by name: nothing in the ranges is singular for any
+            value in them (`free_box_for_all`). All other numbers are those of the arm.
     """
 
     arm: SpaceArm
@@ -141,7 +141,8 @@ class FreeBox(Result):
     def contains(self, postures: Postures | ArrayLike) -> bool:
         """Check whether all joint positions are within the box.
 
-        Of a motion these are its samples; the straight ways between them are then in it, too.
+        For a motion its samples are checked; the straight lines between them are then in the box
+        too.
 
         Args:
             postures: A configuration, a motion, or (n,) or (m, n) joint positions.

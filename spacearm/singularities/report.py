@@ -67,22 +67,22 @@ class SingularityReport(Result):
     Attributes:
         configuration: The configuration.
         mode: What the spacecraft does.
-        impossible: Why the arm can do the task at no posture, and which one it can; "" if it can.
-            All postures are then singular.
+        impossible: Why the arm can do the task at no posture, and which task it can do; all
+            postures are then singular. "" if the task is possible.
         sigma: (k,) singular values of the task Jacobian, largest first; zeros at the end where
             the arm has fewer joints than the task has rows.
         sigma_min: Least singular value.
-        error: Bound of the rounding errors of the singular values, from `error_bars`. One that is
-            not above it may be zero, and counts as zero.
-        distance: How far in joint space the nearest singular configuration is [rad]: with
-            `nearest` that of the one found, so that none that is nearest of all is farther; else to
-            first order, see `singularity`. Zero where sigma_min is not above `error`; inf where no
-            small motion of the joints makes it vanish.
+        error: Bound on the rounding errors of the singular values, from `error_bars`. A singular
+            value that is not above it may be zero, and counts as zero.
+        distance: How far in joint space the nearest singular configuration is [rad]. If `nearest`
+            is there, it is the distance of that one, so the nearest of all is no farther; else an
+            estimate to first order, see `singularity`. Zero where sigma_min is not above `error`;
+            inf where no small motion of the joints makes it vanish.
         distance_proven: No singular configuration is nearer than this [rad]: proven, rounding
             included. Zero where nothing is proven, as without `exact`.
-        distances: (k,) the same to first order for several singular values: entry j is how far it
-            is to where sigma[j] and all after it vanish. Zeros where the arm has fewer joints than
-            the task has rows.
+        distances: (k,) distances to first order for several singular values: entry j is how far
+            away sigma[j] and all after it vanish. Zeros where the arm has fewer joints than the
+            task has rows.
         away: (n,) joint motion [rad] or [m] per radian of distance that leads away from the
             nearest singular configuration; zeros where `distance` is inf.
         nearest: (n,) the nearest singular configuration, if `exact` asked for it and there is one;
@@ -274,13 +274,13 @@ def singularity(
     Nothing in the report depends on the spacecraft's position, and the singular values do not
     depend on its attitude either.
 
-    What decides is the distance to the singular set in joint space, which does not depend on the
-    size, the masses and the units of an arm, as singular values and their ratios do: to first order
+    The distance to the singular set in joint space decides. Unlike singular values and their ratios
+    it does not depend on the size, the masses and the units of an arm. To first order it is
     sigma_min over the norm of its gradient, for redundant arms of that part of the gradient which
     keeps the null space (see `mechanics.distance`). Below 4 degrees a second step, from the point
-    that the first one leads to, corrects it where the set is bent. It is an estimate: within 20
-    percent up to about a degree as a rule; far away it tells only that the set is far. A sliding
-    joint counts by `SingularityReport.radian`. Three cases in which one derivative does not tell
+    that the first one leads to, corrects it for the curvature of the set. This is an estimate: as a
+    rule within 20 percent up to about a degree; far away it says only that the set is far. A
+    sliding joint counts by `SingularityReport.radian`. In three cases one derivative does not give
     the distance:
 
     - sigma_min may be zero by its error bar: the distance is zero, whatever the gradient;

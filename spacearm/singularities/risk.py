@@ -110,8 +110,8 @@ def risk_profile(
 
     Args:
         arm: Any arm.
-        limits: Whether configurations are drawn within the joint limits or from the full turn.
-            Prismatic joints are always drawn within theirs.
+        limits: Whether configurations are drawn within the joint limits; else from the full turn.
+            Prismatic joints are always drawn within their limits.
         sigma_min: Least singular value up to which a configuration is near, instead of `distance`.
         distance: Distance to the singular set up to which a configuration is near [rad], to first
             order as in `singularity`; 5 degrees if neither is given.

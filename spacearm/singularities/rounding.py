@@ -51,7 +51,7 @@ class ErrorBars(Result):
 
     They cover the arithmetic only. The numbers of the URDF, those given to `SpaceArm.replace`,
     joint positions and the CM of a spacecraft whose mass or inertia was replaced count as exact.
-    Covered is all that is computed from them: rotations from roll, pitch and yaw, links merged by
+    All that is computed from them is covered: rotations from roll, pitch and yaw, links merged by
     fixed and locked joints, positions of mimic joints.
 
     Attributes:

@@ -45,10 +45,10 @@ FRUITLESS, EACH = 100, 20
 class FoundSet(SingularSet):
     """Singular configurations found by a search: of arms whose minors form no triangle.
 
-    Such are arms with mimic joints, redundant arms with other tasks than the full pose as a rule,
-    and redundant arms of special build that are not free-floating. `sample` and `nearest` return
-    what the search finds. `is_free` and `clearance` prove paths free of all singular
-    configurations, found or not. All other methods raise `UnsupportedError`.
+    These are arms with mimic joints, most redundant arms with other tasks than the full pose, and
+    redundant arms of special build that are not free-floating. `sample` and `nearest` return what
+    the search finds. `is_free` and `clearance` prove paths free of all singular configurations,
+    found or not. All other methods raise `UnsupportedError`.
 
     Attributes:
         arm: The arm.
@@ -88,12 +88,12 @@ class FoundSet(SingularSet):
         return f"FoundSet({self.arm.label}, {self.mode}: by search, may miss configurations)"
 
     def sample(self, m: int, rng: np.random.Generator | None = None) -> Array:
-        """Search m singular configurations, (m, n), from uniform starts; no measure is promised.
+        """Search for m singular configurations (m, n) from uniform starts, of no set distribution.
 
         Raises:
-            ConfigurationError: m is no whole number from 0 on.
-            NoSolutionError: Of the starts, 100 and 20 for each singular configuration found, none
-                leads to a further one; carries those found.
+            ConfigurationError: m is not a whole number from 0 on.
+            NoSolutionError: None of the starts, 100 and 20 more for each singular configuration
+                found, leads to a further one; carries those found.
         """
         m, rng = whole(m, "m", 0), rng or np.random.default_rng()
         found, starts, chart = list[Array](), 0, chart_of(self.arm)
@@ -124,8 +124,8 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
         The whole set, exactly (`complete` is true), for arms with as many joints as task rows, for
         redundant arms with six rows of the full pose or "x y rz" in the plane, and for others whose
         minors form a triangle, as `Minors.triangle` checks. For other redundant arms and for mimic
-        joints a `FoundSet`: its `sample` and `nearest` return what a search finds; its `is_free`
-        proves paths free of all.
+        joints a `FoundSet`: its `sample` and `nearest` return what a search finds; its `is_free` is
+        still a proof.
 
     Raises:
         UnsupportedError: The arm can never do its task.

@@ -263,7 +263,7 @@ def sweep(
 ) -> xr.Dataset:
     """Compute a study into a Zarr store, chunk by chunk; keep what is there already.
 
-    It may be stopped or killed at any time, and so may each of its workers: run again, it goes on
+    It may be stopped or killed at any time, and so may each of its workers. Run again, it continues
     where it was, and the numbers are the same to the bit (on processors of one kind). A chunk that
     fails is tried again, then recorded with its error, and the rest goes on.
 
@@ -279,14 +279,14 @@ def sweep(
 
     Returns:
         The store as one labelled dataset, read when it is used; `xarray.open_zarr` gives the same.
-        Its attributes tell version, models, study and seed. Numbers not computed are NaN.
+        Its attributes hold version, models, study and seed. Numbers not computed are NaN.
 
     Raises:
         ConfigurationError: The study makes no sense.
         ModelError: An arm or a design of it is unsound.
         StoreError: The store is that of another study, cannot be written, or the cluster is lost.
         UnsupportedError: Zarr is not installed: pip install 'spacearm[sweep]'.
-        SweepError: All is through, but some chunks failed.
+        SweepError: All chunks were tried, but some failed.
 
     Example:
         >>> import spacearm as sa

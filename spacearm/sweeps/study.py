@@ -149,7 +149,7 @@ class Study:
             folder: Folder that paths of robot files start from.
 
         Raises:
-            ConfigurationError: Something in it makes no sense.
+            ConfigurationError: A value in it is not valid.
             ModelError: An arm or a design is unsound.
             UnsupportedError: An arm has no shells, or a joint that slides without limits where
                 risk is asked for; or Python is older than 3.11.

@@ -59,16 +59,17 @@ class Identified(Result, kw_only=True):
         mass: Mass of the body [kg].
         com: (3,) its CM in the tip frame [m].
         inertia: (3, 3) its inertia about its CM, tip axes [kg m^2].
-        parameters: (10,) estimates of m [kg], m c [kg m] and the inertia about the tip's origin
-            [kg m^2], tip axes, as Ixx Ixy Iyy Ixz Iyz Izz. Mass, CM and inertia follow from them,
-            where no body can have them from the most likely one that can.
+        parameters: (10,) estimates of m [kg], m c [kg m] and the inertia about the tip's origin [kg
+            m^2], tip axes, as Ixx Ixy Iyy Ixz Iyz Izz. Mass, CM and inertia follow from them; if no
+            body can have these values, from the most likely ones that a body can have.
         covariance: (10, 10) their covariance, as far as the motion excited them.
         unexcited: (k, 10) directions of the parameters that the motion did not excite; along them
             the body is a guess: the smallest change from a small ball.
         momentum: (6,) momentum of arm and body, [linear [kg m/s]; angular about the common CM
             [kg m^2/s]], inertial axes.
         misfit: Root mean square of the residuals over the noise: about 1 where the noise is as
-            given and the arm as described; without `noise` the noise found, all rates alike.
+            given and the arm as described; without `noise` it is the noise that was found, taken as
+            equal for all rates.
         rows: How many instants were measured.
     """
 
@@ -125,9 +126,9 @@ class Identified(Result, kw_only=True):
         return float(sd[0]), sd[1:4], sd[4:]
 
     def uncertain(self) -> UncertainArm:
-        """Return the arm with the body, as well as it is known: normal distributions.
+        """Return the arm with the body, its parameters known as normal distributions.
 
-        The factor of the inertia covers the moment that is known worst.
+        The factor of the inertia covers the principal moment that is known worst.
 
         Raises:
             UnsupportedError: The motion did not excite all that counts.
@@ -186,8 +187,8 @@ def identify(
 ) -> Identified:
     """Identify the body that a floating arm holds, from measured joint rates and spacecraft rates.
 
-    The momentum is linear in the body's ten parameters; whatever it is, it is kept. No torque is
-    needed, but nothing may push from outside and the wheels keep what they hold.
+    The momentum is linear in the body's ten inertial parameters, and it is conserved. No torque is
+    needed, but nothing may push from outside, and the wheels must keep what they hold.
 
     Args:
         motion: What was measured: joint positions and poses of the spacecraft. Of a `Flight` what

@@ -40,22 +40,24 @@ CLEARANCES = (0.1, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 
 
 class DistanceRange(Result):
-    """How far singular postures are that were found of arms from the intervals.
+    """How far the singular postures are that were found for arms from the intervals.
 
     Each distance is that of the nearest singular posture found of one arm, as by
     `SingularSet.nearest`. So an arm from the intervals comes as near as `low` or nearer; others may
     come nearer or stay farther away than those tried.
 
     Attributes:
-        nominal: That of the arm as described [rad].
-        low: The least found [rad]; 0 where `singular`.
-        high: The largest of the arms tried [rad].
+        nominal: Distance of the arm as described [rad].
+        low: Least distance found [rad]; 0 where `singular`.
+        high: Largest distance of the arms tried [rad].
         singular: Whether an arm from the intervals is singular at the posture itself.
-        regular: Whether none is: proven, rounding included. It is open where neither holds.
-        least: The values at which it is least, by name; those of that arm where `singular`.
-        distances: (m,) those of all arms tried, random ones first [rad].
+        regular: Whether no arm from the intervals is, proven, rounding included. Where neither
+            `singular` nor `regular` holds, the question is open.
+        least: The values with which the distance is least, by name; where `singular`, those of the
+            singular arm.
+        distances: (m,) distances of all arms tried, random ones first [rad].
         tried: Number of arms tried.
-        random: How many of them are random, as the distributions have it.
+        random: How many of them are random, drawn from the distributions.
         immaterial: Names of the uncertain numbers on which no singular configuration depends, and
             so no distance; they stay as described.
     """
@@ -75,7 +77,7 @@ class DistanceRange(Result):
         """Return the distance that so many per cent of the random arms do not exceed [rad].
 
         Raises:
-            ConfigurationError: The share is none from 0 to 100.
+            ConfigurationError: The share is not from 0 to 100.
         """
         shares = within_100(share, "share")
         return float(np.percentile(self.distances[: self.random], shares))
@@ -162,10 +164,10 @@ def distance_range(
 ) -> DistanceRange:
     """Find how far the nearest singular postures of arms from the intervals are.
 
-    The arms are random ones, and those with all parameters at ends of their intervals if there are
-    up to 8 parameters; of more, ends that come nearer are looked for. The least distance found is 0
-    where an arm is singular at the posture itself; that none is, is proven where it can be, as by
-    `is_free_for_all`.
+    The arms are random ones and, with up to 8 parameters, those with all parameters at ends of
+    their intervals; with more parameters it searches for ends that come nearer. The least distance
+    found is 0 if an arm is singular at the posture itself. That no arm is singular there is proven
+    where possible, as by `is_free_for_all`.
 
     Numbers of the last link and of what it holds stay as described where the task is the full pose:
     the distance does not depend on them.
@@ -178,7 +180,7 @@ def distance_range(
         progress: Called as progress(done, total) after each arm.
 
     Returns:
-        The least and the largest distance found, and the values with the least.
+        The least and the largest distance found, and the values that give the least.
 
     Example:
         >>> import numpy as np
@@ -303,14 +305,14 @@ def robust_plan(
 ) -> tuple[Plan, RobustCertificate]:
     """Plan a motion that meets no singularity, for all values in the intervals.
 
-    It is planned for the arm as described, with growing clearance until the proof holds. The joints
-    then move as planned whatever the values are; where the tip and the spacecraft come to does
-    depend on them, and is not made robust.
+    It plans for the arm as described, with growing clearance until the proof holds. The joints then
+    move as planned, whatever the values are. Where the tip and the spacecraft arrive depends on the
+    values, and is not made robust.
 
     Args:
         uncertain: An arm with one tip and no sliding joints.
         start: Where it begins, a configuration of `uncertain.arm`.
-        goal: As for `plan`; so are the others.
+        goal: As for `plan`, like the arguments below.
         via: Goals on the way.
         final_attitude: Attitude of the spacecraft at the end.
         duration: When the motion ends [s].
@@ -323,7 +325,7 @@ def robust_plan(
 
     Raises:
         ConfigurationError: The start is of another arm, or an argument does not make sense.
-        NoSolutionError: No plan was found, or none that holds for all values: carries the last.
+        NoSolutionError: No plan was found, or none that is proven for all values; carries the last.
 
     Example:
         >>> import spacearm as sa
@@ -404,8 +406,8 @@ def shell_bands(
 ) -> ShellBands:
     """Compute the bands in which the shells of the path dependent workspace lie.
 
-    Each arm's shells are computed as by `workspace`; the bands are those of the arms tried, and no
-    bounds for others.
+    The shells of each arm are computed as by `workspace`. The bands are those of the arms tried;
+    they do not bound the shells of others.
 
     Args:
         uncertain: An arm with as many revolute joints as its task has rows.

@@ -308,7 +308,7 @@ def free_box_for_all(
     Args:
         uncertain: The arm, with one tip; see `uncertain`.
         about: A configuration of `uncertain.arm`, or a motion of it.
-        joints: As for `free_box`; so are the others.
+        joints: As for `free_box`, like the arguments below.
         at_least: Width that every range must have [rad].
         within: (n,) least and (n,) largest positions allowed; the joint limits if None.
         clearance: How far every singular configuration of every arm must be from the box [rad].

@@ -32,13 +32,14 @@ def view(
     """Show an arm with sliders, play a motion, or show the posture of any other result.
 
     In a script or a terminal the page opens in the browser, served on 127.0.0.1 only, until
-    `Viewer.close` or the end of the program. In a notebook, as the last line of a cell, the page
-    stands in the notebook, and the scene as it was stays there when it is opened elsewhere.
+    `Viewer.close` or the end of the program. As the last line of a cell it shows the page in a
+    notebook; opened elsewhere, the notebook shows the scene as it was.
 
     Args:
         thing: One of
 
-            - an arm, bent if it is singular at zeros, a chain that its file closes closed;
+            - an arm: in a regular posture if it is singular at zeros, and closed if its file closes
+              a chain;
             - a configuration, or a result that has one, such as a `Capture`;
             - a `Trajectory`, `Followed`, `Plan` or `Motion`, or any object with `arm`, `t`, `q`
               and `base`, which is played;
@@ -48,13 +49,13 @@ def view(
             - a `Region`: its first singular configuration;
             - `FeasibleAttitudes`: the motion along the path from the best of them, with all of them
               around the spacecraft;
-            - a `Held`, or its report: the arms with the target, which is dragged, the grasps kept;
-              what `follow`, `plan` and `simulate` of it return is played;
+            - a `Held`, or its report: the arms with the target, which can be dragged with the
+              grasps closed; motions that its `follow`, `plan` and `simulate` return are played;
             - a `Catch`: its flight, with the tumbling target, its grapple frames and the stand-off.
-        compare: What a motion is played in step with, as a ghost and by dashed curves: another
-            motion, or "free-floating", "attitude-controlled" or "fixed" for the same joint motion
-            with the spacecraft doing that.
-        obstacles: What is drawn besides, and held off by plans of the page; as in `sa.plan`.
+        compare: What is played in step with a motion, as a ghost and dashed curves: another motion,
+            or the same joint motion with the spacecraft "free-floating", "attitude-controlled" or
+            "fixed".
+        obstacles: What is drawn too, and what plans of the page keep off; as in `sa.plan`.
         port: Port of the page; the first free one from 7400 on if None.
         open: Whether to serve the page and open the browser. If None, a notebook gets it served,
             but opens no other window.

@@ -267,13 +267,13 @@ class Workspace(Result):
         return free_workspace(self.arm, self.mode, self.limits, self.reachable[0])
 
     def regions(self, point: ArrayLike, *, start: Configuration | None = None) -> Region:
-        """Tell whether a point is unreachable, path independent or path dependent.
+        """Decide whether a point is unreachable, path independent or path dependent.
 
         Args:
             point: (3,) from the system CM in inertial axes [m], or (2,) in the plane of a planar
                 arm, beside which all points are unreachable.
-            start: A configuration in whose inertial frame the point is given instead, such as the
-                start of a plan: a workspace has none, and knows the system CM only.
+            start: A configuration in whose inertial frame the point is given, such as the start of
+                a plan; if None, the point is given from the system CM.
 
         Raises:
             ConfigurationError: The point has the wrong shape or is not finite.
