@@ -35,6 +35,14 @@ def drawing_of(thing: object) -> Callable[..., Any]:
     )
 
 
+def drawn_of(thing: object) -> object:
+    """Return what is drawn of a thing: of the plan and the proof of `robust_plan` the plan."""
+    if type(thing) is tuple:
+        parts = [part for part in thing if not DRAWINGS.keys().isdisjoint(type(part).__mro__)]
+        return parts[0] if len(parts) == 1 else thing
+    return thing
+
+
 def shown_once(figure: Figure) -> Figure:
     """Have a notebook that shows a figure as the value of a cell not show it as pyplot's, too."""
     if getattr(figure.canvas, "manager", None) is not None:

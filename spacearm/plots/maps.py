@@ -60,7 +60,8 @@ def draw_map(result: SingularMap, axes: Any, *, box: FreeBox | None = None) -> N
     held = ", ".join(
         f"{name}\N{NO-BREAK SPACE}{np.degrees(x):.4g}" for name, x in result.held.items() if x
     )
-    where = f"\n{held} deg, others 0" if held else ""
+    others = "" if all(result.held.values()) else ", others\N{NO-BREAK SPACE}0"
+    where = f"\n{held}\N{NO-BREAK SPACE}deg{others}" if held else ""
     style.entitle(axes, f"{result.arm}: {what}{where}")
 
 

@@ -135,9 +135,13 @@ def draw_wheel_sizing(result: WheelSizing, axes: Any) -> None:
         axes: Where it is drawn.
     """
     share = 100.0 * (np.arange(len(result.momentum)) + 1.0) / len(result.momentum)
-    axes.plot(np.sort(result.momentum), share, color=style.GREY, lw=2, label="about any axis")
-    for name, along, color in zip("xyz", result.axes.T, style.COLOURS, strict=False):
-        axes.plot(np.sort(along), share, color=color, label=f"about {name}")
+    for name, along, color, width in zip(
+        ("any axis", *"xyz"), (result.momentum, *result.axes.T), (style.GREY, *style.COLOURS),
+        (2.0, 1.5, 1.5, 1.5), strict=False,
+    ):  # fmt: skip
+        reached = np.sort(along)
+        axes.plot(np.append(reached[0], reached), np.append(0.0, share), color=color, lw=width,
+                  label=f"about {name}")  # fmt: skip
     axes.axvline(np.percentile(result.momentum, PERCENTILES[-2]), color=style.RED, lw=1, ls=":")
     axes.set(xlabel="momentum of the wheels [N m s]", ylabel=f"{result.cases} covered [%]")
     axes.set_ylim(0.0, 101.0)

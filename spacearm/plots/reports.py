@@ -60,7 +60,8 @@ def draw_report(result: SingularityReport, ax: Any) -> Any:
     _draw_matrix(directions, both, arm.task.rows, columns)
     style.entitle(directions, "Directions in the rows of the task")
     if whole is not None:
-        whole.supxlabel(IN_WORDS, fontsize=9, color=style.GREY)
+        words = style.folded(IN_WORDS, 0.9 * whole.bbox.width / whole.dpi, 9)
+        whole.supxlabel(words, fontsize=9, color=style.GREY)
     return posture
 
 

@@ -54,9 +54,10 @@ def plot(
         >>> figure.savefig("map.png")
     """
     try:
-        from spacearm.plots.drawings import drawing_of, shown_once  # imports matplotlib
+        from spacearm.plots.drawings import drawing_of, drawn_of, shown_once  # imports matplotlib
     except ValueError as error:
         raise ConfigurationError(f"MPLBACKEND names no backend of Matplotlib: {error}") from None
+    thing = drawn_of(thing)
     draw, name = drawing_of(thing), type(thing).__name__
     _, _, *known = inspect.signature(draw).parameters
     for option in options:

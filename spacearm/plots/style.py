@@ -197,7 +197,7 @@ def headline(whole: Any, panels: Sequence[Any], text: str) -> None:
         entitle(panels[0], text)
     else:
         width = whole.bbox.width / whole.get_figure(root=True).dpi
-        whole.suptitle(_folded(text, width, mpl.rcParams["axes.titlesize"]), x=0.02, ha="left")
+        whole.suptitle(folded(text, width, mpl.rcParams["axes.titlesize"]), x=0.02, ha="left")
 
 
 def draw_curves(axes: Any, x: Array, columns: Array, names: Sequence[str], **look: Any) -> None:
@@ -318,10 +318,10 @@ def annotate(
 def entitle(axes: Any, text: str, **look: Any) -> None:
     """Write the title of axes, in lines no longer than these are wide."""
     size = look.get("fontsize", mpl.rcParams["axes.titlesize"])
-    axes.set_title(_folded(text, axes.get_window_extent().width / axes.figure.dpi, size), **look)
+    axes.set_title(folded(text, axes.get_window_extent().width / axes.figure.dpi, size), **look)
 
 
-def _folded(text: str, width: float, size: float | str) -> str:
+def folded(text: str, width: float, size: float | str) -> str:
     """Return a text in lines that fit a width [inch] at a size of the font [pt]."""
     points = FontProperties(size=size).get_size_in_points()
     letters = max(int(72.0 * width / (LETTER * points)), 12)

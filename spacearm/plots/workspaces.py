@@ -109,7 +109,10 @@ def _draw_rings(axes: Any, result: Workspace, path: Array | None) -> None:
         if len(radii):
             low, high = radii[np.argmax(radii[:, 1] - radii[:, 0])]
             at = 0.5 * (low + high)
-            axes.text(0, at, label, ha="center", va="center", fontweight="bold")
+            if high - low > 0.15 * outer:
+                axes.text(0, at, label, ha="center", va="center", fontweight="bold")
+            else:
+                style.annotate(axes, label, np.array([0.0, at]), "black")
     ends = np.unique(np.concatenate([result.reachable.ravel(), result.pdw.ravel()]).round(9))
     ends = ends[ends > 0]
     for R, angle in zip(ends, np.radians(np.linspace(-15, -75, len(ends))), strict=True):
@@ -248,7 +251,7 @@ def draw_identified(result: Identified, axes: Any) -> None:
             axes.errorbar(rows, (result.parameters / size)[rows], 2.0 * deviations[rows], fmt="o",
                           color=color, capsize=4.0, label=what)  # fmt: skip
     axes.axhline(0.0, color=style.GREY, lw=0.8, zorder=0)
-    axes.set_xticks(range(len(NAMES)), NAMES)
+    axes.set_xticks(range(len(NAMES)), NAMES, rotation=45)
     axes.set(ylabel="over powers of mass and\nradius of gyration about the tip")
     style.legend_beside(axes)
     style.entitle(axes, f"held by {result.arm.name}: {result.mass:.4g} kg")

@@ -62,6 +62,19 @@ def test_a_plan_has_room_for_the_numbers_of_axes_of_one_scale(monkeypatch):
     assert not outside(sa.plot(sa.plan(start, [1.2, 0.9])), monkeypatch)
 
 
+def test_what_a_stranger_found_touching_empty_or_about_nothing(monkeypatch):
+    arm = sa.load("planar2")
+    way = sa.follow(arm.at([0.3, 1.2]), [(1.5, 1.2)])
+    known = sa.plot(sa.identify(way))
+    known.set_dpi(70)
+    assert not touching(known, monkeypatch)
+    (axes,) = sa.plot(sa.size_wheels(arm, way)).axes  # one motion: from none to all of it
+    heights = [line.get_ydata() for line in axes.lines if line.get_label().startswith("about")]
+    assert all(list(y) == [0.0, 100.0] for y in heights)
+    mapped = sa.singular_map(sa.load("planar3"), ("joint_1", "joint_2"), [0.1, 0.2, 0.3], 3)
+    assert "others" not in sa.plot(mapped).axes[0].get_title(loc="left")  # there are none
+
+
 SLOW = pytest.mark.slow
 
 

@@ -317,6 +317,14 @@ def test_an_unknown_option_is_named(few, what, takes):
         plot(few[what][0], colour="red")
 
 
+def test_of_a_plan_and_its_proof_the_plan_is_drawn():
+    """As `sa.robust_plan` returns them."""
+    arm = sa.load("planar2")
+    way = sa.follow(arm.at([0.3, 1.2]), [(1.5, 1.2)])
+    proof = sa.is_free_for_all(unsure(arm), way.q[[0, -1]])
+    assert len(plot((way, proof)).axes) == len(plot(way).axes)
+
+
 @pytest.mark.parametrize("thing", [None, 3, "planar2", np.zeros(3), [1, 2]])
 def test_what_cannot_be_drawn_is_told_what_can(thing):
     with pytest.raises(sa.ConfigurationError, match=r"no drawing of .*Configuration.*Workspace"):
