@@ -7,6 +7,7 @@ import math
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -72,20 +73,25 @@ class TimeLeft(ProgressColumn):
 
     Args:
         searches: As in `working`.
+
+    Attributes:
+        told: When it was told last how far it is, by the monotonic clock [s].
     """
 
     max_refresh = 0.5
 
     def __init__(self, searches: bool) -> None:
         super().__init__()
-        self.searches, self._said = searches, math.inf
+        self.searches, self._said, self.told = searches, math.inf, time.monotonic()
 
     def seconds(self, task: Task) -> float | None:
         """Return how long it still takes [s]; None where that is not known, or has grown."""
         done, total = task.completed, task.total
         if not done or total is None:
             return None
-        left = total - done if self.searches else (task.elapsed or 0.0) * (total / done - 1.0)
+        left = (task.elapsed or 0.0) * (total / done - 1.0)
+        if self.searches:
+            left = max(total - done - (time.monotonic() - self.told), 0.0)
         if left > self._said:
             return None
         self._said = left
@@ -128,6 +134,10 @@ def working(
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
         task, over = bar.add_task(what, total=None), threading.Event()
 
+        def told(done: float, of: float) -> None:
+            left.told = time.monotonic()
+            bar.update(task, completed=done, total=of)
+
         def tell() -> None:
             wait = FIRST
             while not over.wait(wait):
@@ -138,7 +148,7 @@ def working(
         if not err.is_terminal:
             thread.start()
         try:
-            yield lambda done, of: bar.update(task, completed=done, total=of)
+            yield told
         finally:
             over.set()
 

@@ -123,7 +123,7 @@ def catch(
             if len(found) >= wanted or left <= 0.0:
                 break
             if search.progress:
-                search.progress(time.monotonic() - begun, search.timeout)
+                search.progress(time.monotonic() - begun, ends - begun)
             look = replace(search, seed=search.seed + number, timeout=left, progress=None)
             straight = kept.setdefault((t, name), request.straight(t, name, look))
             try:

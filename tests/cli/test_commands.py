@@ -266,6 +266,10 @@ def test_estimates_of_the_time_left_do_not_grow():
         said.append(column.seconds(task))
     np.testing.assert_allclose([x for x in said if x is not None], [8, 2, 40 / 99], atol=1e-12)
     assert [x is None for x in said] == [True, False, False, True, True, False]
+    search = TimeLeft(True)  # told 3 s ago that it takes 50 s more at most
+    search.told -= 3.0
+    task.completed, task.total = 10.0, 60.0
+    assert search.seconds(task) <= 47.0
 
 
 @pytest.mark.parametrize(
