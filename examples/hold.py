@@ -1,4 +1,4 @@
-"""Both arms hold one panel, lead it past a boom, fly that with a squeeze of 20 N, and regrasp."""
+"""Both arms hold one panel, lead it past a boom, squeeze it by 20 N on the way, and regrasp."""
 
 import numpy as np
 

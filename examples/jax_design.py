@@ -1,6 +1,6 @@
 """How S changes with the masses: a derivative through the equations, by JAX.
 
-Takes pip install "spacearm[jax]".
+Needs pip install "spacearm[jax]".
 """
 
 import jax

@@ -1,8 +1,8 @@
 """Figure 5 by model predictive control: arrive where transposed Jacobian control stalls.
 
-The exact constraint S(q) >= margin stands in the optimal control problem, which CasADi solves again
-and again from where the arm is; the real spacecraft is 5 percent heavier than the controller
-believes. Takes pip install "spacearm[casadi]".
+The optimal control problem has the exact constraint S(q) >= margin. CasADi solves it again and
+again from the current state. The true spacecraft is 5 percent heavier than the controller assumes.
+Needs pip install "spacearm[casadi]".
 """
 
 import casadi

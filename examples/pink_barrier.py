@@ -1,6 +1,6 @@
-"""Follow a tumbling target by pink: plain least squares, damped, and damped with a barrier.
+"""Follow a tumbling target with pink: plain least squares, damped, and damped with a barrier.
 
-Takes pip install "spacearm[pink]".
+Needs pip install "spacearm[pink]".
 """
 
 import logging

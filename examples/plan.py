@@ -1,4 +1,4 @@
-"""Plan to a point that the straight way does not reach: figure 5 of the paper."""
+"""Plan to a point that a straight line does not reach: figure 5 of the paper."""
 
 import numpy as np
 

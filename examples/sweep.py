@@ -1,6 +1,6 @@
 """A study of several designs on the workers of a Dask cluster, here two on this machine.
 
-Takes pip install "spacearm[cluster]".
+Needs pip install "spacearm[cluster]".
 """
 
 import logging

@@ -1,8 +1,8 @@
 """Three servos on the paper's arm: damped least squares, one that halts at a condition, sa.Servo.
 
 An operator pushes outward along x, with a little sideways motion, and pulls back again. All three
-scale their rates to the same limit. Drawn: the distance to the singular set, found anew twice
-a second, and the way of the tip.
+scale their rates to the same limit. The figure shows the distance to the singular set, searched for
+twice a second, and the path of the tip.
 """
 
 import matplotlib.pyplot as plt

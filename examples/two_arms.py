@@ -1,4 +1,4 @@
-"""Two arms on one spacecraft: one moves, what does the other have to do?"""
+"""Two arms on one spacecraft: one moves; what must the other do?"""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How near is the singular set if a mass is known to 10 percent only?"""
+"""How near is the singular set if a mass is known only to 10 percent?"""
 
 import numpy as np
 

@@ -7,8 +7,8 @@
 
 A folder is named by the first word of a SOURCE.txt in it, as OWNER/REPOSITORY, else by its own
 name. The verdict is that of `spacearm query` at a posture three fifths of the way between the
-limits, at 0.5 where there are none. Where a message asks for more, it is given and the verdict says
-so: arms without a spacecraft are mounted on a bus, the first of several tips is chosen,
+limits, at 0.5 where there are none. If a message asks for an option, it is given, and the verdict
+says so: arms without a spacecraft are mounted on a bus, the first of several tips is chosen,
 check="warn" or density=2700 is added. Files that are parts of others are counted only. Above stand
 the space robots among them, with the command that loads each, and what came of each folder.
 """
@@ -87,9 +87,9 @@ HEAD = """# Robots tried
 
 Descriptions of robots from public repositories, each loaded and asked for a verdict as
 `spacearm query` gives it: at a posture three fifths of the way between the joint limits, at 0.5 rad
-or m where there are none. Where a message asks for more it is given, and the last column says so: a
-bus for an arm alone (its mass is not in the fifth column), the first of several tips,
-`check="warn"` for inertias that no rigid body has, `density=` where there are none.
+or m where there are none. If a message asks for an option, the option is given, and the last column
+says so: a bus for an arm alone (its mass is not in the fifth column), the first of several tips,
+`check="warn"` for inertias that no rigid body has, `density=` if there are none.
 
 Printed by `python tests/tools/robots.py FOLDER ... --installed --count FOLDER ...`: copies of
 repositories, and packages from PyPI, of which some are counted only (PyBullet's without the
@@ -171,7 +171,7 @@ def row(path: Path, robot: str, bus: sa.Bus, options: dict) -> Row:
     said += [f"{name}={value!r}" for name, value in given.items()]
     verdict = f"{report.kind}, σ_min {report.sigma_min:.2g} {arm.sigma_unit}"
     verdict += f" ({', '.join(said)})" if said else ""
-    outcome = "answered when told more" if given else "answered"
+    outcome = "answered with an option" if given else "answered"
     words = [f"--arg {name}:={value}" for name, value in options["xacro_args"].items()]
     words += [f"--bus-mass {bus.mass:g}"] if mounted else []
     words += [f"--{name} {value}" for name, value in given.items()]

@@ -50,7 +50,7 @@ def test_every_outcome_has_its_row(tmp_path, capsys):
     assert outcomes == {
         "files": 12,
         "answered": 4,
-        "answered when told more": 2,
+        "answered with an option": 2,
         "refused": 2,
         "nothing moves": 2,
         "a part of other files": 2,
