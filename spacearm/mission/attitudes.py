@@ -84,10 +84,10 @@ class FeasibleAttitudes(Result):
         speed: Speed of the tip along the path [m/s] or [rad/s].
         length: Length of the path [m] or [rad].
         attitude: (m, 4) attitudes tried, quaternions xyzw.
-        weight: (m,) share of all attitudes that each stands for.
+        weight: (m,) share of all attitudes that each represents.
         q: (m, n) posture at the start, NaN where there is none.
-        ended: (m,) how it ended, an index in `ENDS`.
-        s: (m,) length of path behind the tip.
+        ended: (m,) how each attempt ended, an index in `ENDS`.
+        s: (m,) length of path that the tip has covered.
         distance: (m,) least distance to the singular set on the way, to first order [rad]; 0 where
             it was met, pi where it is more.
         slack: (m,) least distance of a joint to its limits [rad] or [m].
@@ -98,7 +98,8 @@ class FeasibleAttitudes(Result):
             spatial arms.
         cell: (m, 3) level, direction and roll of the cell of a spatial arm; see `rotations`. Zeros
             for planar arms.
-        border: (m,) whether an attitude nearby is feasible where this one is not, or is not.
+        border: (m,) whether a neighbouring attitude is feasible and this one is not, or the
+            reverse.
         ball: The largest ball of feasible attitudes found; None if none is feasible.
     """
 

@@ -261,7 +261,7 @@ def _held_momentum(cfg: Configuration) -> Array:
 
 
 class WheelSizing(Result):
-    """The momentum, and of motions the torque, that wheels need to hold the attitude.
+    """The momentum, and for motions the torque, that wheels need to hold the attitude.
 
     A case is a motion, or a posture at which the tip moves at a speed in the worst direction.
 
@@ -273,9 +273,9 @@ class WheelSizing(Result):
         momentum: (m,) largest momentum about any axis [N m s].
         torque: (m, 3) largest torque about each axis [N m]; NaN of postures.
         q: (m, n) the postures; of motions the posture with the largest momentum.
-        left_out: Share of the postures drawn that were left out, nearer to a singularity of the
-            held arm than `near`: there the joints, and the momentum, would be without bound.
-        near: That distance [rad]; zero of motions.
+        left_out: Share of the postures drawn that were left out, being nearer to a singularity of
+            the held arm than `near`: joint rates and momentum have no bound there.
+        near: Distance to a singularity below which postures are left out [rad]; zero for motions.
     """
 
     arm: SpaceArm
@@ -306,7 +306,7 @@ class WheelSizing(Result):
             percent: The share, up to 100.
 
         Raises:
-            ConfigurationError: It is none from 0 to 100.
+            ConfigurationError: It is not from 0 to 100.
         """
         share = within_100(percent, "percent")
         each = np.percentile(self.axes, share, axis=0)

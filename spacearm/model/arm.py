@@ -57,9 +57,9 @@ class SpaceArm(JointSpace, Described):
         movable: Which rows of the tips' twists the joints can move at all.
         wheels: Momentum wheels, which are not among the joints; see `at`.
         joint_names: Names of the n movable joints, in the model's order.
-        joints: Which joints count, as it was asked for: "tip", "all" or names; see `load`.
-        held: Values [rad] or [m] of the joints that do not count, by name; they hold those that
-            mimic them.
+        joints: Which joints count, as asked for: "tip", "all" or names; see `load`.
+        held: Values [rad] or [m] of the joints that do not count, by name; joints that mimic them
+            are held too.
         coupling: (model.nv - 6, n) rates of the model's joints per rate of the n joints; None if
             they are the same joints (no joint mimics another).
         offsets: (model.nv - 6,) positions of the model's joints at q = 0.
@@ -143,7 +143,7 @@ class SpaceArm(JointSpace, Described):
         return (*self.tree.notes, *held, *filter(None, doubts))
 
     def fault_of_task(self, free: int = 6) -> str:
-        """Say why the task is impossible at every posture, and which would do; "" if it is not.
+        """Say why the task is impossible at every posture, and which would do; "" if it is possible.
 
         Args:
             free: Number of free components of the spacecraft's twist; see `free_components`.
@@ -259,7 +259,8 @@ class SpaceArm(JointSpace, Described):
         """Return a new arm with some things changed.
 
         Args:
-            base_mass: Mass of the spacecraft (with all that is fixed to it) [kg]; its CM stays.
+            base_mass: Mass of the spacecraft with all that is fixed to it [kg]; its CM stays where
+                it is.
             base_inertia: (3, 3) inertia of the spacecraft about its CM, spacecraft axes [kg m^2];
                 if None it grows in proportion to the mass, as that of a body of the same shape.
             mount: Pose of the first joint on the way to the tip, in the spacecraft frame.
@@ -267,7 +268,8 @@ class SpaceArm(JointSpace, Described):
             link_length: Lengths of links from their joint to the next, or to the tip [m]. The link
                 and all that is fixed to it keep mass and shape: a length times k, an inertia k^2.
             payload: A point mass held at the tip [kg]; `grasp` takes bodies.
-            tip: Link whose frame is the tip, or several; the joints on the way to it count.
+            tip: Link whose frame is the tip, or several; the joints between spacecraft and tip
+                count.
             task: The twist rows. Default: those asked for; if none were, the default of `load`.
             joints: Which joints count besides; see `load`.
             locked: Joints to lock, with their values [rad] or [m]; held ones may be among them.

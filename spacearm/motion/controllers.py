@@ -383,5 +383,5 @@ class Tracking(Law):
         return self.wanted(t)[0] - cfg.q
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the parameters as plain data; of the motion its story."""
+        """Return the parameters as plain data, the motion as its story."""
         return {"motion": repr(self.motion), "rate": self.rate}

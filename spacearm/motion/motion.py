@@ -522,10 +522,10 @@ class Trajectory(Motion, kw_only=True):
         work: (m,) work of the torques since the start [J].
         other_work: (m,) work of springs, friction, wrenches and the wheels' motors since the start,
             on all but the spin of the wheels [J].
-        exchanged: Work that was done and taken back, all in all [J].
+        exchanged: All work that was done and taken back [J].
         events: What happened on the way.
         ended: Why it ended: "duration", the kind of the event that stopped it, or what failed.
-        called: The functions that were called in Python, which takes long, and why.
+        called: The functions that were called in Python, which is slow, and why.
     """
 
     dq: Array = field()
@@ -576,7 +576,7 @@ class Trajectory(Motion, kw_only=True):
 
     @property
     def turnover(self) -> float:
-        """The energies that came and went [J]: the largest there was, and all work."""
+        """Size of the energies exchanged [J]: the largest energy and all work."""
         return float(self.energy.max() + self.exchanged)
 
     @property
@@ -587,7 +587,7 @@ class Trajectory(Motion, kw_only=True):
 
     @property
     def drift(self) -> float:
-        """Largest change of the momentum that is kept, over what the joints alone brought."""
+        """Largest change of the conserved momentum, over what the joints alone brought."""
         rates = zip(self, self.dq, strict=True)
         brought = np.array([momentum_matrix(cfg).A_q @ dq for cfg, dq in rates])
         return drift_of(self.momentum, self.impulse, brought, free_components(self.mode))

@@ -108,7 +108,8 @@ class Plant(Parameters):
 
     Attributes:
         wheels: The law by which the wheels hold the attitude, or a function of time that gives the
-            torque of each, the rate of what it holds (w,) [N m]; they keep what they hold if None.
+            torque of each (w,) [N m], the rate of the momentum that it holds; if None they keep
+            what they hold.
         wrenches: Wrenches (6,) [force [N]; torque [N m]] on links by name, at the origin of the
             link's frame along inertial axes, or functions of time that give them.
         thrusters: The same along the axes of the link.
@@ -138,7 +139,7 @@ class Plant(Parameters):
 
     @property
     def pushed(self) -> list[tuple[str, Wrench, bool]]:
-        """Link, wrench and whether it is along the link's own axes, of all that is pushed."""
+        """Link, wrench, and whether it is along the link's own axes, for each wrench."""
         both = (self.wrenches, False), (self.thrusters, True)
         return [(link, wrench, own) for given, own in both for link, wrench in given.items()]
 

@@ -70,9 +70,9 @@ class ArrivalError(NamedTuple):
 class Plan(Drifting, kw_only=True):
     """A motion of the joints from rest, from `sa.plan`: a `Motion` with more to it.
 
-    `sa.Tracking` leads the joints through the rows along quintic splines, which arrive:
-    `arrival_error` says how exactly. `nearest` and `certificate` are of these splines, rounding
-    included, and so are limits and contacts, obstacles included. The straight lines between the
+    `sa.Tracking` leads the joints through the rows along quintic splines; `arrival_error` says how
+    exactly they arrive. `nearest` and `certificate` hold for these splines, rounding included;
+    joint limits, contacts and obstacles are checked along them too. The straight lines between the
     rows keep the velocity limits of the URDF.
 
     Attributes:
@@ -82,9 +82,9 @@ class Plan(Drifting, kw_only=True):
         checked: What the check of collisions covers and what it does not, in one sentence.
         apart: Whether it is proven that no two of the bodies checked meet; None if none were.
         tried: All methods that were tried, in order.
-        wheel_load: What the wheels hold and give at most while they hold the attitude, in one
-            sentence, bounds between the rows included; empty where the spacecraft floats.
-        obstacles: What was held off besides; the file of a plan does not hold them.
+        wheel_load: Largest momentum and torque of the wheels while they hold the attitude, in one
+            sentence, bounds between the rows included; empty if the spacecraft floats.
+        obstacles: What else the plan keeps off; the file of a plan does not contain them.
         final_rates: (n,) joint rates at the end [rad/s] or [m/s], zero where the plan ends at rest.
     """
 
@@ -116,7 +116,7 @@ class Plan(Drifting, kw_only=True):
             rates: (n,) largest joint rates [rad/s] or [m/s].
             t: (m,) times of the rows [s]; from rest to rest within these rates if None.
             momentum: (6,) momentum on board, with which the system CM drifts on.
-            **fields: What else is known of the plan, by the names of its fields.
+            **fields: Other fields of the plan, by name.
         """
         arm, along = rows[0].arm, samples(rows)
         t = timing.rest_to_rest_times(along["q"], rates) if t is None else t
@@ -235,7 +235,7 @@ class Plan(Drifting, kw_only=True):
 
     @property
     def clear(self) -> str:
-        """How far what is flown stays from singular postures: proven and found, in words."""
+        """How far the flown motion stays from singular postures: proven and found, in words."""
         if self.nearest is None:
             return "no singular posture found"
         return nearness(self.nearest.distance, self.nearest.distance_proven)

@@ -72,7 +72,7 @@ class FreeBoxes(Result):
         arm: The arm.
         mode: What the spacecraft does.
         cells: The cells that the range is divided into; those that are `free` are the boxes.
-        endless: Numbers of the joints whose range is one of many whole turns.
+        endless: Numbers of the joints that turn without end, whose range is one whole turn.
     """
 
     arm: SpaceArm
@@ -144,7 +144,7 @@ class FreeBoxes(Result):
 
         Args:
             q0: (n,) where it begins.
-            q1: (n,) where it ends; endless joints may end whole turns away.
+            q1: (n,) where it ends; joints that turn without end may end whole turns away.
 
         Returns:
             (m, n) joint positions, joined by straight segments; each lies in one box.

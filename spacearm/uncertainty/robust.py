@@ -111,14 +111,14 @@ class RobustCertificate(Result):
     """Whether a path meets no singularity, for all values in the intervals.
 
     Attributes:
-        free: Whether it is free for all of them: proven, rounding included.
-        verdict: "free"; "singular": with the values `values` an arm is singular at `at`;
-            "undecided": the budget of the proof ended first.
+        free: Whether the path is free for all values: proven, rounding included.
+        verdict: "free"; "singular": with these `values` the arm is singular at `at`; "undecided":
+            the budget of the proof ended first.
         values: The counterexample, by name, without `immaterial`; None unless singular.
         at: (n,) where on the path that arm is singular; None unless singular.
         pieces: Number of pieces of path and parameters looked at.
         immaterial: Names of the uncertain numbers on which no singular configuration depends; the
-            verdict holds for any value of theirs (see `UncertainArm.relevant`).
+            verdict holds for any of their values (see `UncertainArm.relevant`).
     """
 
     free: bool
@@ -254,7 +254,7 @@ def is_free_for_all(
     joints as task rows, values for which the path is singular are found by the sign of det(J*).
 
     Numbers of the last link and of what it holds are left out where the task is the full pose: the
-    proof holds for any value of theirs.
+    proof holds for any of their values.
 
     Args:
         uncertain: An arm with one tip; its sliding joints may not move along the path.

@@ -303,7 +303,7 @@ def free_box_for_all(
 
     The box grows as that of `free_box`; where a side is stopped by a singular posture its `Stop`
     has the values with which the arm is singular there. Numbers of the last link and of what it
-    holds are left out where the task is the full pose: the box holds for any value of theirs.
+    holds are left out where the task is the full pose: the box holds for any of their values.
 
     Args:
         uncertain: The arm, with one tip; see `uncertain`.

@@ -187,14 +187,15 @@ Kind = Literal["certified", "found", "stopped"]
 class Workspace(Result):
     """Distances R of the tip from the system CM: reachable, path dependent, path independent.
 
-    "certified": both directions are proven up to `gap`, rounding included. No singular
-    configuration puts the tip outside `pdw`: for up to three joints by branch and bound, for more
-    by bounds of the tip's distance. At all distances within `pdw` something is singular: `proof`
-    has curves in the singular set along which the distance takes them all.
+    "certified": both sides are proven up to `gap`, rounding included. No singular configuration
+    puts the tip outside `pdw`: for up to three joints by branch and bound, for more by bounds of
+    the tip's distance. At all distances within `pdw` some posture is singular: `proof` has curves
+    in the singular set along which the distance takes all these values.
 
     "found": the largest and least distances that a search from `effort` singular configurations
-    met. What is proven of them is in `covered`, and the rest may differ by `gap`: arms of more than
-    three joints whose shells leave reachable distances out, as limits often make them.
+    met. `covered` is the part that is proven; the rest may differ by `gap`. This happens to arms of
+    more than three joints whose shells leave out reachable distances, often because of joint
+    limits.
 
     Redundant arms have shells for the full pose, or "x y rz" in the plane. `workspace` raises
     `UnsupportedError` for others, and for sliding and mimic joints; `sa.risk_profile` takes all.
@@ -208,11 +209,12 @@ class Workspace(Result):
         piw: (k, 2) path independent workspace: the rest of the reachable distances [m].
         shells: A shell for each piece of the singular set that was found.
         reachable_at: (2, n) configurations of the least and the largest distance.
-        kind: "certified", "found" or, after Ctrl-C, "stopped": attained, others are missing.
+        kind: "certified", "found" or, after Ctrl-C, "stopped": these distances are attained, others
+            are missing.
         gap: Largest distance by which R may lie outside of `reachable` or `pdw`, and largest range
             of R within `pdw` at which nothing may be singular [m]: proven. NaN if stopped.
         effort: Number of singular configurations that were sampled; 0 by branch and bound.
-        covered: (k, 2) distances at all of which something is proven to be singular [m].
+        covered: (k, 2) distances at all of which some posture is proven to be singular [m].
         proof: Curves in the singular set, points (m, n) along each, that prove them.
     """
 
@@ -307,7 +309,7 @@ class Workspace(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return fields, `fraction` and `volumes` as plain JSON data, those of a plane as `areas`.
 
-        `free`, which takes as long as all the rest, and `proof`, which is long, are not among them.
+        Left out are `free`, which takes as long to compute as the rest, and `proof`, which is long.
         """
         sizes = "areas" if self.planar else "volumes"
         own = {name: value for name, value in super().to_dict().items() if name != "proof"}
@@ -319,7 +321,7 @@ class Workspace(Result):
         return "collisions" if self.limits else "joint limits, collisions"
 
     def describe(self) -> Description:
-        """Describe reachable, path dependent and path independent distances, and how sure they are.
+        """Describe reachable, path dependent and path independent distances, and what is proven.
 
         The free workspace is among them where it has been computed.
         """
