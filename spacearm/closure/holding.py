@@ -451,7 +451,7 @@ def hold(
         target: What is held, roughly where it is; its twist does not count. None for the fixed
             world, such as handrails of a station.
         grasps: What each tip holds: the name of a grapple frame of the target, or a pose in the
-            target's frame; of the fixed world a pose in the inertial frame. z points into what is
+            target's frame; for the fixed world a pose in the inertial frame. z points into what is
             held, as the z axis of the hand does. Default, without a target: what the arm's file
             closes, by an equality of MJCF or a joint of SDF that closes a loop, or two links that
             hold each other; see `load`.

@@ -167,9 +167,9 @@ def evaluate(
 ) -> dict[str, Array]:
     """Compute measures of singularity at many configurations of the free-floating arm.
 
-    Compiled code gives the same numbers as `singularity` does one by one: singular values by
-    bidiagonal reduction and qd transforms, to a few units of rounding of the largest singular
-    value (the tests allow 2e-14 of it against numpy's svd), at singular configurations too.
+    Compiled code gives the same numbers as `singularity` does one by one. Singular values come from
+    bidiagonal reduction and qd transforms, to a few rounding units of the largest one, at singular
+    configurations too (the tests allow 2e-14 of it against numpy's svd).
 
     Args:
         arm: The arm.

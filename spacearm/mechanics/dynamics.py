@@ -56,8 +56,8 @@ class Dynamics(Result):
         base_acceleration: (6,) acceleration of the spacecraft frame's origin, [linear [m/s^2];
             angular [rad/s^2]], inertial axes.
         reaction: (6,) external wrench that holds the spacecraft, [force [N]; torque [N m]] at the
-            origin of its frame, inertial axes: of an attitude-controlled one the torque that
-            wheels or thrusters must give; zero for a free-floating one.
+            origin of its frame, inertial axes. For an attitude-controlled spacecraft it is the
+            torque that wheels or thrusters must give, for a free-floating one zero.
         twist: (6,) twist of the spacecraft in this state, inertial axes.
     """
 

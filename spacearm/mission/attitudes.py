@@ -309,11 +309,11 @@ def feasible_attitudes(
     """Find the attitudes of the spacecraft from which the tip can follow a path.
 
     The path is given relative to the system CM, along inertial axes, and begins with its first
-    corner: at each attitude the arm takes a posture with the tip there, and the tip then follows
+    corner. At each attitude the arm takes a posture with the tip there, and the tip then follows
     the path by J*, as `sa.follow` does. The attitude is feasible if the tip arrives, no
-    configuration on the way is nearer than `margin` to the singular set (to first order, as
-    by `sa.singularity`), and no joint leaves its limits. All attitudes are followed at
-    once. `python benchmarks/attitudes.py` prints how long it takes.
+    configuration on the way is nearer than `margin` to the singular set (to first order, as by
+    `sa.singularity`), and no joint leaves its limits. All attitudes are followed at once. `python
+    benchmarks/attitudes.py` prints how long it takes.
 
     Args:
         start: A posture and an attitude with the tip near the beginning of the path. The postures

@@ -148,9 +148,9 @@ class Catch(Result, kw_only=True):
         """Simulate the catch: `sa.Tracking` leads the joints, the grasp is a plastic impact.
 
         From contact on the wheels in the description of a floating spacecraft give a torque against
-        its turning, within the least of their torques and capacities, until it is at rest or they
-        are full; `Flight.left_over` is what they do not hold. Wheels that hold the attitude give
-        the planned torques.
+        its turning, within the least of their torques and capacities. They do so until it is at
+        rest or they are full; `Flight.left_over` is what they do not hold. Wheels that hold the
+        attitude give the planned torques.
 
         Args:
             actual: The true target, if it differs from the planned one in mass, inertia or motion:

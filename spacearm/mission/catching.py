@@ -58,9 +58,9 @@ def catch(
             the target are in the inertial frame of its base.
         target: The target.
         grapple: Name of the grapple frame; any of them if None. For an arm with several tips the
-            frame of each, {tip: frame}: all of them grasp at the same time. A sequence of such
-            mappings has them grasp one after the other: each hand that holds moves on with the
-            target while the next one closes in, and all brake once the last one has grasped.
+            frame of each, {tip: frame}: all of them grasp at the same time. With a sequence of such
+            mappings they grasp one after the other. Each hand that holds moves on with the target
+            while the next one closes in, and all brake once the last one has grasped.
         window: Earliest and latest contact [s]; if hands grasp one after the other, of the last
             contact.
         approach: Distance of the stand-off, from which the tip closes in along the z axis of the

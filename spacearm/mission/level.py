@@ -211,10 +211,10 @@ def level_reach(
 ) -> LevelReach:
     """Find where the tip can go with the spacecraft turned by no more than `tilt` on the way.
 
-    The tip goes along straight lines in all directions, its attitude kept, led by J* as `follow`
-    does, until the spacecraft has turned too far from its start, a singularity or a joint limit is
-    met. With `planned` it also goes along lines with corners: from cell to cell of a grid. The
-    first two states found in each cell are kept; other paths may reach more cells.
+    The tip goes along straight lines in all directions, led by J* as by `follow`, with its attitude
+    kept. A line ends where the spacecraft has turned too far from its start, or at a singularity or
+    a joint limit. With `planned` it also goes along lines with corners: from cell to cell of a
+    grid. The first two states found in each cell are kept; other paths may reach more cells.
 
     Args:
         start: The posture and the attitude of the spacecraft at the start, at rest. The task must

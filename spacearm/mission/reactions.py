@@ -356,9 +356,9 @@ def size_wheels(
     """Compute the momentum that wheels need to hold the attitude against the arm's motions.
 
     For motions it is the largest they have on the way, with the torque; see `reaction`. For a tip
-    speed it is that of each of many postures, uniform within the joint limits, while the tip moves
-    at this speed in the worst direction and does not turn: the largest singular value of
-    D_q J^+, J the Jacobian with the attitude held. It grows in proportion to the speed.
+    speed it is computed for many postures, uniform within the joint limits, while the tip moves at
+    this speed in the worst direction and does not turn: the largest singular value of D_q J^+,
+    where J is the Jacobian with the attitude held. It grows in proportion to the speed.
 
     Args:
         arm: The arm.

@@ -143,7 +143,7 @@ class SpaceArm(JointSpace, Described):
         return (*self.tree.notes, *held, *filter(None, doubts))
 
     def fault_of_task(self, free: int = 6) -> str:
-        """Say why the task is impossible at every posture, and which would do; "" if it is possible.
+        """Say why the task is impossible at every posture, and which would do; "" if it is not.
 
         Args:
             free: Number of free components of the spacecraft's twist; see `free_components`.

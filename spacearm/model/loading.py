@@ -52,11 +52,11 @@ def load(
             or SDF; or a pin.Model or RobotWrapper, fixed base or free-flyer.
         tip: Link whose frame is the tip, or several, whose task rows are then stacked. A mapping of
             links to links states which hold each other, frame on frame: a closed chain, which
-            `hold` closes. Default: the links by which an MJCF or SDF closes a chain, else those
-            that the URDF names by <tip link>, else what an SRDF beside the file names, else the
-            frame with a name for tips (tool0, hand_tcp, ee_link, ...), else the hand, else the last
-            link before the fingers branch, on the arm with the most joints. `SpaceArm.tip_reason`
-            says which it was.
+            `hold` closes. Default, the first of these that exists: the links by which an MJCF or
+            SDF closes a chain; those that the URDF names by <tip link>; what an SRDF beside the
+            file names; the frame with a name for tips (tool0, hand_tcp, ee_link, ...); the hand;
+            the last link before the fingers branch. Of several arms the one with the most joints
+            counts. `SpaceArm.tip_reason` says which it was.
         task: The twist rows that count, as "x y rz", "pose", "position", "orientation" or a `Task`.
             Default: for planar arms the rows of the plane ("x y", from 3 joints on with the
             rotation); otherwise "pose" from 6 joints on, else "position". If these are impossible

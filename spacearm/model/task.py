@@ -122,9 +122,9 @@ class Task:
         A task with all three linear rows or none, and all three angular rows or none, is the same
         along any axes: its axes are the inertial axes. A task that singles out one direction, or
         the plane normal to it (the "x y" of a planar arm), has the inertial axes turned with that
-        direction by the smallest rotation, so that turns about the direction leave them inertial;
-        upside down, where the smallest rotation is not unique, half a turn about the next axis
-        comes first. A task that singles out several directions has the axes of the spacecraft.
+        direction by the smallest rotation. So turns about the direction leave them inertial. Upside
+        down the smallest rotation is not unique; there half a turn about the next axis comes first.
+        A task that singles out several directions has the axes of the spacecraft.
 
         Args:
             R: (3, 3) spacecraft attitude, spacecraft to inertial axes.

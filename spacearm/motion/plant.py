@@ -77,10 +77,10 @@ def described(arm: SpaceArm) -> dict[str, PassiveJoint]:
 class WheelHold(Parameters):
     """Wheels that hold the spacecraft's attitude at the start until they saturate.
 
-    Their torque on the spacecraft is -stiffness phi - damping w_0, phi the rotation vector from the
-    attitude at the start and w_0 the angular velocity, each wheel's share by the pseudo-inverse of
-    their axes; it is cut to `torque`. A wheel that holds `capacity` takes no more: the event
-    "wheel full".
+    Their torque on the spacecraft is -stiffness phi - damping w_0, where phi is the rotation vector
+    from the attitude at the start and w_0 the angular velocity. Each wheel's share follows from the
+    pseudo-inverse of their axes and is cut to `torque`. A wheel that holds `capacity` takes no
+    more: the event "wheel full".
 
     Attributes:
         stiffness: K [N m/rad].

@@ -48,14 +48,19 @@ def plan(
     stay within its limits at every instant, as far as the duration allows. The wheels hold the
     angular momentum of the start; if the start says zero for all wheels, each holds its share.
 
-    Methods, in the order in which "auto" tries them: "straight", a line of the tip by J*; "tree",
-    straight joint motions grown at random until one arrives, then shortened; "boxes", if the search
-    has any, a path through boxes in which no posture is singular, then as "tree"; "joint space",
-    the shortest joint curve that arrives; "roadmap", straight pieces through other postures, whose
-    turns of the spacecraft add up; "cycles", a closed loop in joint space that turns the
-    spacecraft, repeated as often as needed, then a curve to the goal; "attitude first", a joint
-    motion that turns the spacecraft to an attitude from which the line is free (Nanos &
-    Papadopoulos, 2015).
+    Methods, in the order in which "auto" tries them:
+
+    - "straight": a line of the tip by J*;
+    - "boxes", if the search has any: a path through boxes in which no posture is singular, then
+      shortened;
+    - "joint space": the shortest joint curve that arrives;
+    - "roadmap": straight pieces through other postures, whose turns of the spacecraft add up;
+    - "cycles": a closed loop in joint space that turns the spacecraft, repeated as often as needed,
+      then a curve to the goal;
+    - "attitude first": a joint motion that turns the spacecraft to an attitude from which the line
+      is free (Nanos & Papadopoulos, 2015);
+    - "tree": straight joint motions grown at random until one arrives, then shortened. It comes
+      second if there are obstacles, and before "roadmap" if contacts stopped most paths so far.
 
     Args:
         start: Where it begins: the arm with its joint positions, the pose of the spacecraft, the

@@ -143,9 +143,9 @@ def design_report(
     """Write a design report of an arm: one HTML page with everything inside it.
 
     It shows the arm, its singular sets, joint ranges without singular posture, its workspaces and
-    the share of postures near singularities, the turn of the bus by straight lines of the tip, and
-    wheels that would hold the attitude. Beneath every figure stands the command that makes it. If a
-    result does not exist for the arm, the page says why.
+    the share of postures near singularities. Then come the turn of the bus by straight lines of the
+    tip, and wheels that would hold the attitude. Beneath every figure stands the command that makes
+    it. If a result does not exist for the arm, the page says why.
 
     Args:
         arm: The arm.

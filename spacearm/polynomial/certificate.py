@@ -131,9 +131,9 @@ class Certificate(Result):
         at: (n,) the first configuration on it that is not free; None if the path is free.
         segment: Number of the segment that holds it; None if the path is free.
         margin: Least |S| met on the path, over the scale of S; of several minors the largest.
-        verdict: "free"; "singular": S changes sign at `at`, which is proven; "undecided": at `at`
-            S, or every minor, is less than its rounding, or more than 50,000 pieces of the path
-            were still open, on paths of some 10,000 rad.
+        verdict: "free"; "singular": S changes sign at `at`, proven; "undecided": at `at` S, or
+            every minor, is less than its rounding error. On paths of some 10,000 rad it is also
+            "undecided" if more than 50,000 pieces were still open.
         noise: Bound of the rounding of S that the proof counts with, over the scale of S.
         clearance: No singular configuration is nearer to the path than this [rad], proven; 0 where
             no clearance was asked for. Where less is proven than was asked for, `free` is False,

@@ -70,9 +70,9 @@ class ServoStep(Result):
         closing: Rate at which the distance falls [rad/s].
         done: Share of the commanded twist, of its task rows, that is done.
         slowed: What slows the motion, with the share that it leaves: "lost direction" (that of
-            `lost` alone), "approach" (to the set), "rate", "wheels", "position" and "stopping
-            distance" (from which the arm could not stop any more, or where the next step is due so
-            late that the arm would outrun the search), "acceleration".
+            `lost` alone), "approach" (to the set), "rate", "wheels", "position", "acceleration" and
+            "stopping distance" (the arm could not stop any more, or the next step is so late that
+            the arm would outrun the search).
         halted: Why the arm is brought to rest; empty if it is not.
     """
 
@@ -133,14 +133,14 @@ class Servo:
     """A servo: turns commanded twists of the tip into joint rates that keep off the singular set.
 
     Far from the set the rates are J*^+ v. Nearer than `slow` only the direction that is being lost
-    is slowed, and the distance to the set falls ever more slowly, so that `stop` is not passed;
+    is slowed. The distance to the set then falls ever more slowly, so that `stop` is not passed;
     motions along the set and away from it stay free. Redundant arms raise the distance by their
     null space. Joint limits, rates and accelerations are kept by scaling, which keeps the
     direction, so that the arm can always brake before a limit. Whatever the input, no step exceeds
     them: invalid input brings the arm to rest, and the step says why.
 
     The distance is that to the nearest of the singular postures that the servo has found and
-    follows from step to step; `start` searches for them as `SingularSet.nearest` does, and each
+    follows from step to step. `start` searches for them as `SingularSet.nearest` does, and each
     step looks for nearer ones. Only within `ServoStep.distance_proven` is it proven that none is
     missed; beyond, it is tested. Far from the set a nearer one may be missed for a while.
 

@@ -98,9 +98,9 @@ class SingularityReport(Result):
         null_space: (n, n - rank) orthonormal joint motions that leave the tip at rest.
         gradient: (n,) derivative of sigma_min with respect to q. At sigma_min = 0, and where
             the least singular value is repeated, the one-sided derivative of one branch.
-        radian: (n,) what counts as a radian of each joint in distances: 1 rad of revolute joints;
-            of a sliding one its travel between the limits over 2 pi, but no more than the arm's
-            length, which also counts where it has no limits [m].
+        radian: (n,) what counts as a radian of each joint in distances. For a revolute joint 1 rad;
+            for a sliding one its travel between the limits over 2 pi [m], but no more than the
+            arm's length. Without limits it is the arm's length.
         jacobian: (k, n) the task Jacobian J.
         axes: (3, 3) columns: the task axes in inertial axes; see `Task.axes`.
         length: The length [m] that divides the linear rows of a mixed task; else None.

@@ -170,10 +170,9 @@ def uncertain(arm: SpaceArm, spread: Mapping[str, Spread]) -> UncertainArm:
 
     Args:
         arm: The arm as described; hold a captured target first, by `SpaceArm.grasp`.
-        spread: Link -> what is uncertain of it, such as {"link_2":{"mass":0.05}}: "mass"
-            and "inertia" as a share up or down (0.05 is 5 per cent) or a pair of bounds ([kg],
-            factors of the inertia), "com" as a distance up or down each axis of the link [m], or
-            three of them.
+        spread: What is uncertain, by link, such as {"link_2":{"mass":0.05}}. "mass" and "inertia"
+            are a share up or down (0.05 is 5 per cent) or a pair of bounds ([kg], factors of the
+            inertia). "com" is a distance up or down each axis of the link [m], or three of them.
 
     Returns:
         The arm with its uncertain numbers.

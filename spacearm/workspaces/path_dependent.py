@@ -375,9 +375,9 @@ def workspace(
     Args:
         arm: An arm of revolute joints, as many as its task has rows; for the full pose, and
             "x y rz" in the plane, there may be more.
-        mode: What the spacecraft does. "fixed" leaves the kinematic singularities only, and
-            distances count from its own CM; "attitude-controlled" does where the CM of each link is
-            on the line between its joints (section VI).
+        mode: What the spacecraft does. "fixed" leaves only the kinematic singularities, and
+            distances count from the spacecraft's own CM. "attitude-controlled" leaves only these
+            too if the CM of each link is on the line between its joints (section VI).
         limits: Whether only configurations within the joint limits count; if not, every joint
             turns freely, as in the paper.
         effort: Singular configurations to search from, for arms of more than three joints.
