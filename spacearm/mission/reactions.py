@@ -355,14 +355,14 @@ def size_wheels(
 ) -> WheelSizing:
     """Compute the momentum that wheels need to hold the attitude against the arm's motions.
 
-    For motions it is the largest they have on the way, with the torque; see `reaction`. For a tip
-    speed it is computed for many postures, uniform within the joint limits, while the tip moves at
-    this speed in the worst direction and does not turn: the largest singular value of D_q J^+,
-    where J is the Jacobian with the attitude held. It grows in proportion to the speed.
+    For motions it is the largest on the way, with the torque; see `reaction`. For a tip speed it is
+    computed for many postures, uniform within the joint limits, while the tip moves at this speed
+    in the worst direction and does not turn: the largest singular value of D_q J^+, where J is the
+    Jacobian with the attitude held. It grows in proportion to the speed.
 
     Args:
         arm: The arm.
-        motions: A motion or several, all of this arm.
+        motions: One motion of this arm, or several.
         tip_speed: Speed of the tip [m/s] instead; [rad/s] for a task without linear rows.
         samples: Number of postures.
         near: Distance to the singularities of the held arm below which postures are left out

@@ -297,8 +297,8 @@ def singularity(
         tolerance: Distance up to which a configuration is singular [rad]. Singular values that
             vanish together within it count as zero together.
         exact: Whether to find the nearest singular configuration, and to prove that none is nearer
-            than 99 % of its distance, 90 % of redundant arms, as `SingularSet.nearest`. Rank and
-            kind stay decided to first order.
+            than 99 % of its distance (90 % for redundant arms), as `SingularSet.nearest` does. Rank
+            and kind are still decided to first order.
         progress: As in `SingularSet.nearest`, for `exact`.
 
     Returns:
