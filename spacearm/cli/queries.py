@@ -1,4 +1,4 @@
-"""`spacearm query`, `nearest`, `path`, `map`, `capture`: postures, ways, what a grasp does."""
+"""`spacearm query`, `nearest`, `path`, `map`, `capture`: postures, paths, what a grasp does."""
 
 from __future__ import annotations
 

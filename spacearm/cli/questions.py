@@ -1,4 +1,4 @@
-"""Questions: what a command is asked beyond its options, in the names of Python, from TOML."""
+"""`--with`: what a command takes beyond its options, by its names in Python, from TOML files."""
 
 from __future__ import annotations
 

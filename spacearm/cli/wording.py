@@ -1,4 +1,4 @@
-"""Words of the command line: the numbers in what is typed, the options in what is said."""
+"""Wording of the command line: numbers in arguments, names of options in messages."""
 
 from __future__ import annotations
 

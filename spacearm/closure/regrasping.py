@@ -1,4 +1,4 @@
-"""Regrasping: one hand lets go of what several hold and grasps it elsewhere, the others hold on.
+"""Regrasping: one of several hands lets go and grasps elsewhere, while the others hold on.
 
 Meanwhile the joints of the hands that hold are locked, and the target is a payload of one of them:
 what moves is one arm with one tip, and what is singular, planned and flown is that arm. The hand

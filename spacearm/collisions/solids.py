@@ -1,4 +1,4 @@
-"""Solids: shapes of a description as coal, the library behind Pinocchio.
+"""Solids: shapes of a description as those of coal, Pinocchio's collision library.
 
 Meshes become their convex hulls.
 """

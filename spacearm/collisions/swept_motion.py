@@ -1,4 +1,4 @@
-"""Swept motion: a motion as a check of collisions sees it, at any point between its rows.
+"""Swept motion: a motion for collision checks, at any point between its rows.
 
 Joint positions are linear between the rows. What the spacecraft does between them is what tells one
 kind of motion from the other.

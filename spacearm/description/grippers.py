@@ -1,4 +1,4 @@
-"""Grippers: fingers and jaws at the end of an arm, told from its joints.
+"""Grippers: fingers and jaws at the end of an arm, recognised by its joints.
 
 A finger is a short, light branch behind a body that an arm moves, its palm. Lengths count relative
 to the arm and masses relative to what the arm moves, so that units do not matter. What tells

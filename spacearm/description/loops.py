@@ -1,4 +1,4 @@
-"""Loops: closed chains of a description, which is read as an open tree and what holds what.
+"""Loops: closed chains of a description, read as an open tree with a list of what holds what.
 
 A loop is cut where two links hold each other. Links that hold one thing, be it a body that floats,
 the fixed world or one another, are the tips of a closed chain.

@@ -1,4 +1,4 @@
-"""Catalogue: the models and arms that travel with the package; models put together of them."""
+"""Catalogue: the models and arms that come with the package, and models assembled from them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast an arm may go along a wish: rates, accelerations, ends of joints, singular postures.
+"""How fast an arm may follow a command: rates, accelerations, ends of joints, singular postures.
 
 The rates y of a servo are scaled so that they, the accelerations and the momentum that wheels take
 up keep their limits, so that the direction turns no faster than the accelerations allow, and so

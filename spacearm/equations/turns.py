@@ -1,4 +1,4 @@
-"""The turn of a floating spacecraft without momentum, and how it depends on the joints' way.
+"""The turn of a floating spacecraft without momentum, and how it depends on the joint path.
 
 The attitude follows T' = T [A(q) q']x with the connection A = -D^-1 D_q of (33c), in spacecraft
 axes. It is integrated by the fourth-order Magnus method with two Gauss points an interval

@@ -1,4 +1,4 @@
-"""Momentum on board: what it does to a posture, and how long the arm can make up for it.
+"""Momentum on board: what it does to a posture, and how long the arm can compensate for it.
 
 Without external torques the angular momentum h stays, whatever the joints do. With the joints
 locked the system turns as one body, w = D^-1 h, and the tip drifts. The tip stays where it is while

@@ -1,4 +1,4 @@
-"""Runs from their start to their end: steps, outputs, events, and what came of them."""
+"""Runs from their start to their end: steps, outputs, events, and results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Users' functions: those that are plain array code are traced, others are called as runs go.
+"""Users' functions: plain array code is traced, other code is called while a run goes on.
 
 A function is traced that keeps nothing between calls, as far as its code and what it is made of
 tell, and that gives, run over symbols, what it gives over numbers. It is run over them as it was

@@ -1,4 +1,4 @@
-"""Planner: the doors to planning, and which strategy solves a request.
+"""Planner: the functions that plan, and which strategy solves a request.
 
 Papadopoulos & Dubowsky (1993) end on an open problem, "the efficient construction of paths to reach
 points in the path dependent workspace". A motion counts as a solution only if it arrives as

@@ -1,4 +1,4 @@
-"""Roadmap: a loop of straight pieces, run through some times, then a way of a few to the goal.
+"""Roadmap: a loop of straight pieces, repeated some times, then a few pieces to the goal.
 
 Postures at the goal and others drawn at random are joined by straight joint motions that meet no
 singularity, as in the probabilistic roadmaps of Kavraki, Svestka, Latombe & Overmars, IEEE Trans.

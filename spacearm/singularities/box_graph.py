@@ -1,4 +1,4 @@
-"""Free boxes as a graph: what can be covered of the regular configurations, and ways through it.
+"""Free boxes as a graph: a cover of regular configurations, and paths through it.
 
 The range of the joints is halved again and again along the joint that the proof takes most of
 (`polynomial.free_regions`), the largest cells first, of these those whose proof lacks least. Cells

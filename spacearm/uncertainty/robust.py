@@ -1,4 +1,4 @@
-"""Questions to arms that are known in intervals only: distances, free paths, shells, plans."""
+"""Questions about arms known only in intervals: distances, free paths, shells, plans."""
 
 from __future__ import annotations
 

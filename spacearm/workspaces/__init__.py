@@ -1,1 +1,1 @@
-"""Which distances and points a floating arm reaches, and where singularities wait."""
+"""Which distances and points a floating arm reaches, and where singularities are."""

@@ -1,4 +1,4 @@
-"""Relaxations: what is possible of a request that is proven to be impossible, by trying.
+"""Relaxations: which weaker requests are possible where one is proven impossible, by trying.
 
 Where det J* has another sign at joint positions that are asked for, other postures that bring the
 tip to the same place on the spacecraft may have that of the start.

@@ -1,4 +1,4 @@
-"""Resolved motion: tips led along straight lines at once, while the spacecraft keeps its attitude.
+"""Resolved motion: tips led along straight lines together, while the spacecraft keeps its attitude.
 
 The rows of all tasks are stacked, J* of each tip and -D^-1 D_q of the spacecraft where its attitude
 is kept: Yoshida, Kurazume & Umetani, Dual arm coordination in space free-flying robot, Proc. IEEE
