@@ -114,8 +114,8 @@ def bias(xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads) -> Any:
 
     With nu_i the twists of the bodies, the sums a_i of nu_k x s_k dq_k over the joints k that carry
     them are their accelerations while spacecraft and joints have none. Newton's and Euler's
-    equations give force and torque that each body takes, F and N what each joint transmits, about
-    itself. Accelerating the spacecraft takes P M_bb^-1 c_b of that.
+    equations give force and torque that each body takes, F what each joint transmits, about the
+    system CM. Accelerating the spacecraft takes P M_bb^-1 F_0 of that.
     """
     nu, s = twists(xp, tree, at, dq, loads)
     v, w, r = nu[:, :3], nu[:, 3:], at.centres
@@ -124,15 +124,10 @@ def bias(xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads) -> Any:
     moved = a[:, :3] + xp.cross(a[:, 3:], r) + xp.cross(w, v + xp.cross(w, r))
     force = at.masses * moved - loads.wrenches[:, :3]
     torque = (at.inertias @ a[:, 3:, None])[..., 0] + xp.cross(w, spin) - loads.wrenches[:, 3:]
-    F, N = [*force], [*(torque + xp.cross(r - at.origins, force))]
-    for i in range(len(F) - 1, 0, -1):
-        inner = tree.parents[i]
-        F[inner] = F[inner] + F[i]
-        N[inner] = N[inner] + N[i] + xp.cross(at.origins[i] - at.origins[inner], F[i])
-    v, w = tree.slide * at.s[:, :3], at.s[:, 3:]  # of each joint at its own origin
-    c = (v * xp.stack(F[1:]) + w * xp.stack(N[1:])).sum(axis=1)
-    c_b = xp.concatenate([F[0], N[0] + xp.cross(at.origins[0], F[0])], axis=0)
-    return tree.gains.T @ (c - at.P @ kinematics.base_twist(xp, tree, at, c_b[:, None])[:, 0])
+    wrenches = xp.concatenate([force, torque + xp.cross(r, force)], axis=1)
+    F = kinematics.gathered(xp, tree, wrenches)
+    base = kinematics.base_twist(xp, tree, at, F[0][:, None])[:, 0]
+    return tree.gains.T @ ((at.s * F[1:]).sum(axis=1) - at.P @ base)
 
 
 def _carried(xp: Any, tree: Structure, at: Posture) -> tuple[Any, Any]:
