@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
-from spacearm.arrays import Array, ArrayLike
-from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
+from spacearm.arrays import Array, ArrayLike, within
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, imported
 from spacearm.mechanics.dynamics import inverse_dynamics, momentum_and_torque
 from spacearm.mechanics.floating import placed
 from spacearm.model.arguments import BaseMode
@@ -200,8 +200,7 @@ def time_optimal(
         >>> bool(fast.t[-1] < 0.5 * plan.t[-1]), fast.certificate.free
         (True, True)
     """
-    if not 0.0 <= rise <= 1.0:
-        raise ConfigurationError(f"rise is {rise!r}; give a share of the duration from 0 to 1")
+    rise = within(rise, "rise", 0.0, 1.0, "a share of the duration")
     if isinstance(motion, Plan) and motion.final_rates.any():
         raise UnsupportedError(
             "the plan ends with a twist of the tip, which another timing would change; give plan a "
@@ -265,12 +264,7 @@ def _bang_bang(path: CubicSpline, limits: Limits) -> tuple[Array, Array]:
     The length of the path and about the time it takes are the units, as the numbers of toppra's
     linear programs must not be far from one.
     """
-    try:
-        import toppra
-        from toppra.algorithm import TOPPRA
-        from toppra.constraint import JointVelocityConstraintVarying, SecondOrderConstraint
-    except ImportError:
-        raise UnsupportedError("toppra is not installed: pip install 'spacearm[timing]'") from None
+    toppra = imported("toppra", "toppra", "timing")
     grid, length = np.linspace(0.0, 1.0, GRID), path.x[-1]
     curve = toppra.SplineInterpolator(path.x / length, path(path.x))
     slope = curve(grid, 1)
@@ -289,11 +283,12 @@ def _bang_bang(path: CubicSpline, limits: Limits) -> tuple[Array, Array]:
         most = np.array([np.interp(u, grid, one) for one in rates.T])
         return np.column_stack((-most, most))
 
+    of, ones = toppra.constraint, np.ones(len(both))
     constraints = [
-        JointVelocityConstraintVarying(rate),
-        SecondOrderConstraint(load, lambda _: both, lambda _: np.ones(len(both)), limits.arm.n),
+        of.JointVelocityConstraintVarying(rate),
+        of.SecondOrderConstraint(load, lambda _: both, lambda _: ones, limits.arm.n),
     ]
-    found = TOPPRA(constraints, curve, gridpoints=grid, solver_wrapper="seidel")
+    found = toppra.algorithm.TOPPRA(constraints, curve, gridpoints=grid, solver_wrapper="seidel")
     found.compute_parameterization(0.0, 0.0)
     speed = found.problem_data.sd_vec
     if speed is None or not np.isfinite(speed).all():

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from spacearm.arrays import whole
 from spacearm.compiler.machine import processors
-from spacearm.errors import SpaceArmError, StoreError, SweepError, UnsupportedError
+from spacearm.errors import SpaceArmError, StoreError, SweepError, imported
 from spacearm.processes import Process, WorkerLostError
 from spacearm.signatures import checked
 from spacearm.sweeps.store import DONE, FAILED, Store, dataset
@@ -167,13 +167,10 @@ def connect(address: str) -> Client:
         UnsupportedError: Dask is not installed.
         StoreError: No scheduler answers there.
     """
-    try:
-        from distributed import Client
-    except ImportError:
-        raise UnsupportedError("Dask is not installed: pip install 'spacearm[cluster]'") from None
+    library = imported("distributed", "Dask", "cluster")
     try:
         asyncio.run(_greet(address))  # a Client that fails while it is made cannot be closed
-        return Client(address, timeout=ANSWERED, set_as_default=False)
+        return library.Client(address, timeout=ANSWERED, set_as_default=False)
     except NO_SCHEDULER as error:
         raise StoreError(
             f"no Dask scheduler at {address!r} ({str(error) or 'no answer'}); start one: "

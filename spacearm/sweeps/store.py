@@ -19,7 +19,6 @@ import warnings
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from importlib.util import find_spec
 from itertools import zip_longest
 from pathlib import Path
 from secrets import token_hex
@@ -28,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.errors import StoreError, UnsupportedError, shortened
+from spacearm.errors import StoreError, imported, shortened
 from spacearm.files import read, write
 from spacearm.sweeps.study import Chunk, Study
 from spacearm.sweeps.toml import meaning
@@ -64,9 +63,7 @@ class Store:
             StoreError: There is no store, or it belongs to another study, model or version.
             UnsupportedError: Zarr is not installed.
         """
-        check_zarr()
-        import zarr
-
+        zarr = imported("zarr", "Zarr", "sweep")
         from spacearm.sweeps.store_files import Files
 
         self.path, self.study = Path(path), study
@@ -88,7 +85,7 @@ class Store:
         Raises:
             StoreError: Something else is there, or nothing can be written.
         """
-        check_zarr()
+        imported("zarr", "Zarr", "sweep")
         path = Path(path)
         if path.exists():
             return cls(path, study)
@@ -203,12 +200,6 @@ def _trouble(path: Path, error: OSError) -> StoreError:
 
 
 # --- layout ---------------------------------------------------------------------------------
-
-
-def check_zarr() -> None:
-    """Refuse to go on without Zarr, an extra."""
-    if find_spec("zarr") is None:
-        raise UnsupportedError("Zarr is not installed: pip install 'spacearm[sweep]'")
 
 
 def lay_out(path: Path, study: Study) -> None:
