@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import singledispatch
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ import numpy.typing as npt
 from spacearm.errors import ConfigurationError
 from spacearm.signatures import checked, shown
 
+T = TypeVar("T")
 #: Shapes stand in the docstrings.
 Array: TypeAlias = npt.NDArray[np.floating[Any]]
 ArrayLike: TypeAlias = npt.ArrayLike
@@ -89,26 +90,62 @@ class Parameters:
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
+def counted(things: Collection[T], progress: Callable[[int, int], object] | None) -> Iterator[T]:
+    """Yield things; tell, when the next one is asked for, how many are done, of how many."""
+    for done, thing in enumerate(things, 1):
+        yield thing
+        if progress:
+            progress(done, len(things))
+
+
 def read_only(array: Array) -> Array:
     """Return the array itself, read-only."""
     array.flags.writeable = False
     return array
 
 
-def whole(value: object, name: str, least: int) -> int:
+def whole(value: object, name: str, least: int, most: float = math.inf) -> int:
     """Check a whole number and return it as an int.
 
     Args:
         value: What was given.
         name: Of the argument.
         least: Least value that is allowed.
+        most: Largest value that is allowed.
 
     Raises:
         ConfigurationError: It is something else.
     """
-    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
-        raise ConfigurationError(f"{name} is {value!r}; give a whole number from {least} on")
-    return int(value)
+    number = int(value) if isinstance(value, Integral) and not isinstance(value, bool) else math.nan
+    if not least <= number <= most:
+        raise ConfigurationError(f"{name} is {value!r}; give a whole number {_range(least, most)}")
+    return int(number)
+
+
+def within(
+    value: object, name: str, least: float, most: float = math.inf, what: str = "a number"
+) -> float:
+    """Check a number in a range, ends included, and return it as a float.
+
+    Args:
+        value: What was given.
+        name: Of the argument.
+        least: Least value that is allowed.
+        most: Largest value that is allowed.
+        what: What it is, with its unit.
+
+    Raises:
+        ConfigurationError: It is something else.
+    """
+    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    if not least <= number <= most:
+        raise ConfigurationError(f"{name} is {value!r}; give {what} {_range(least, most)}")
+    return number
+
+
+def _range(least: float, most: float) -> str:
+    """Say which numbers are allowed."""
+    return f"from {least:.3g} on" if most == math.inf else f"from {least:.3g} to {most:.6g}"
 
 
 def generator(seed: int | Sequence[int]) -> np.random.Generator:
@@ -137,17 +174,6 @@ def positive(value: object, name: str, what: str = "number") -> float:
     if not 0.0 < number < math.inf:
         raise ConfigurationError(f"{name} is {value!r}; give a positive {what}")
     return number
-
-
-def within_100(value: float, name: str) -> float:
-    """Return a share from 0 to 100 as a float.
-
-    Raises:
-        ConfigurationError: It is none.
-    """
-    if not 0.0 <= value <= 100.0:
-        raise ConfigurationError(f"{name} is {value!r}; give a number from 0 to 100")
-    return float(value)
 
 
 def numbers_of(values: object, name: str) -> Array:

@@ -16,7 +16,7 @@ import pinocchio as pin
 import typer
 
 import spacearm as sa
-from spacearm.arrays import Array
+from spacearm.arrays import Array, finite
 from spacearm.cli.output import Answer, answer
 from spacearm.cli.wording import NUMBER
 from spacearm.description.bodies import Joint
@@ -24,7 +24,7 @@ from spacearm.description.model_catalogue import assembled, find_arm, find_model
 from spacearm.description.readers import formats
 from spacearm.description.readers.source import Reading
 from spacearm.description.tree import Tree, Wheels
-from spacearm.errors import listed, unknown, warn
+from spacearm.errors import listed, require_known, warn
 from spacearm.files import read, writable
 from spacearm.model.arguments import BaseMode
 from spacearm.model.joints import joint_vector
@@ -75,9 +75,7 @@ def to_write(param: typer.CallbackParam, path: Path | None) -> Path | None:
     """Refuse a file that cannot be written, or not of a kind of its metavar: before the work."""
     if path is not None:
         kinds = [f".{kind.lower()}" for kind in (param.metavar or "").split("|")]
-        if path.suffix.lower() not in kinds:
-            of = f"{param.opts[0]} {path}"
-            raise sa.ConfigurationError(f"{of}: {unknown('suffix', path.suffix, kinds)}")
+        require_known("suffix", path.suffix.lower(), kinds, f"{param.opts[0]} {path}: ")
         writable(path)
     return path
 
@@ -390,9 +388,7 @@ def place_in(given: Table, key: str = "base") -> pin.SE3:
 
 def spacecraft_pose(attitude: Three | None, deg: bool) -> pin.SE3:
     """Return the pose at the origin with this roll, pitch and yaw; the identity if None."""
-    rpy = np.array(attitude or (0.0, 0.0, 0.0))
-    if not np.isfinite(rpy).all():
-        raise sa.ConfigurationError(f"--attitude is {attitude}; give three finite angles")
+    rpy = finite(attitude or (0.0, 0.0, 0.0), (3,), "--attitude", "(angles)")
     return sa.pose(rpy=np.radians(rpy) if deg else rpy)
 
 

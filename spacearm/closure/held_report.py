@@ -15,15 +15,16 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm import results
-from spacearm.arrays import Array, Progress
+from spacearm.arrays import Array, Progress, counted, within
 from spacearm.closure.closing import ClosedMotions, Closure, closed_motions, named, placed
 from spacearm.description.loops import balls
-from spacearm.errors import ConfigurationError, listed, unknown
+from spacearm.errors import ConfigurationError, listed, require_known
 from spacearm.mechanics.distance import Linearisation, RankDistances, project, rank_distances
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.mechanics.target import Target
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
+from spacearm.model.frames import pose_facts
 from spacearm.model.joints import joint_scales
 from spacearm.singularities.nearest import angle, nearness
 from spacearm.singularities.report import FAR, Kind, singularity
@@ -143,8 +144,7 @@ class HeldReport(results.Result):
         columns |= {name: results.without_noise(motion) for name, motion in motions.items()}
         moved = self.target.pose if self.target else self.configuration.base
         facts: dict[str, results.Cell] = {
-            f"place of {what}": results.Measure(moved.translation, "m"),
-            "roll, pitch, yaw": results.Measure(pin.rpy.matrixToRpy(moved.rotation), "rad"),
+            **pose_facts(moved, f"place of {what}"),
             f"directions of {what}": f"{self.available.shape[1]} of {len(self.lost)}",
             "manipulability": results.Measure(self.manipulability, "", ".6g"),
         }
@@ -197,8 +197,7 @@ def held_report(
     Raises:
         ConfigurationError: `mode` or `tolerance` is not valid.
     """
-    if not 0.0 <= tolerance <= np.pi:
-        raise ConfigurationError(f"tolerance is {tolerance}; give an angle from 0 to pi [rad]")
+    tolerance = within(tolerance, "tolerance", 0.0, np.pi, "an angle [rad]")
     closed = closed_motions(cfg, target, mode)
     mode = "fixed" if target is None else mode
     arm, unit, Z, T = cfg.arm, joint_scales(cfg.arm), closed.motions, closed.held
@@ -351,9 +350,7 @@ def closed_map(
         ConfigurationError: An axis is no row of the task, or span or points is not valid.
     """
     task, mode = cfg.arm.task, "fixed" if target is None else mode
-    for axis in axes:
-        if axis not in task.rows:
-            raise ConfigurationError(f"axes: {unknown('row', axis, task.rows)}")
+    require_known("row", axes, task.rows, "axes: ")
     if axes[0] == axes[1] or min(span) <= 0.0 or not np.isfinite(span).all():
         raise ConfigurationError(
             f"axes are {axes} and span {span}; give two rows, and how far to move along each"
@@ -367,7 +364,7 @@ def closed_map(
     home, middle = target.pose if target else cfg.base, points // 2
     distance, sigma = np.full((2, points, points), np.nan)
     Q = np.full((points, points, cfg.arm.n), np.nan)
-    for count, (i, j, k, l) in enumerate(_outwards(points)):
+    for i, j, k, l in counted([*_outwards(points)], progress):
         start = cfg.q if (i, j) == (middle, middle) else Q[k, l]
         if np.isfinite(start).all():
             by = moves[0, i] * ways[0] + moves[1, j] * ways[1]
@@ -380,8 +377,6 @@ def closed_map(
                 distance[i, j] = closed_distances(there, closed, mode).distances[-1]
                 sigma[i, j] = np.linalg.svd(closed.held, compute_uv=False)[-1]
                 Q[i, j] = q
-        if progress:
-            progress(count + 1, points**2)
     return ClosedMap(cfg, target, mode, axes, moves, distance, sigma, Q)
 
 

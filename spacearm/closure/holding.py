@@ -28,7 +28,7 @@ from spacearm.errors import ConfigurationError, NoSolutionError, listed, warn
 from spacearm.mechanics.target import Target
 from spacearm.model.arguments import FLOATING, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
-from spacearm.model.frames import PoseLike, sound_pose
+from spacearm.model.frames import PoseLike, pose_facts, sound_pose
 from spacearm.model.joints import joint_vector
 from spacearm.model.task import ROWS, Task, with_length
 from spacearm.motion import following
@@ -400,17 +400,9 @@ class Held(Result):
         """Describe where what is held is, and where it is grasped."""
         cfg, target = self.configuration, self.target
         moved = cfg.base if target is None else target.pose
-        rows = [
-            (
-                tip,
-                Measure(grasp.translation, "m"),
-                Measure(pin.rpy.matrixToRpy(grasp.rotation), "rad"),
-            )
-            for tip, grasp in self.grasps.items()
-        ]
+        rows = [(tip, *pose_facts(grasp).values()) for tip, grasp in self.grasps.items()]
         place = {
-            "place": Measure(moved.translation, "m"),
-            "roll, pitch, yaw": Measure(pin.rpy.matrixToRpy(moved.rotation), "rad"),
+            **pose_facts(moved),
             "largest gap of a grasp": Measure(self.gap, "m", ".1e"),
             "and angle": Measure(self.turn, "rad", ".1e"),
         }

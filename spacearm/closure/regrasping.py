@@ -31,6 +31,7 @@ from spacearm.errors import (
 from spacearm.mechanics.floating import placed
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
+from spacearm.model.frames import pose_facts
 from spacearm.motion.controllers import Tracking
 from spacearm.motion.flights import Flight, Phase, simulate_phases
 from spacearm.motion.motion import Motion, joined
@@ -43,7 +44,7 @@ from spacearm.planning.reactions import boundless, largest_turn
 from spacearm.planning.request import Constraints, Joints, PlanRequest, Search
 from spacearm.planning.result import Attempt, Plan
 from spacearm.planning.timing import rest_to_rest_times
-from spacearm.results import Cell, Column, Description, Measure, Result, Table
+from spacearm.results import Column, Description, Result, Table
 from spacearm.singularities.nearest import angle
 
 #: Intervals in which a hand backs off, and the longest joint motion of one [rad] or [m].
@@ -174,11 +175,6 @@ class Regrasp(Result, kw_only=True):
             for name, part in zip(PARTS, self.parts, strict=True)
         ]
         columns = (Column("part"), Column("lasts", "s"), Column("no singular posture nearer than"))
-        grasp = self.grasps[self.tip]
-        facts: dict[str, Cell] = {
-            "grasp, place": Measure(grasp.translation, "m"),
-            "roll, pitch, yaw": Measure(pin.rpy.matrixToRpy(grasp.rotation), "rad"),
-        }
         tried = [(a.method, "arrives" if a.arrived else "fails", a.story) for a in self.tried]
         held = listed([tip for tip in self.grasps if tip != self.tip])
         return Description(
@@ -188,7 +184,7 @@ class Regrasp(Result, kw_only=True):
             tone="good",
             notes=[self.checked] if self.checked else [],
             tables=[
-                Table.facts(facts),
+                Table.facts(pose_facts(self.grasps[self.tip], "grasp, place")),
                 Table((*columns, Column("by")), rows, "Parts; distances are proven"),
                 Table(("posture at the grasp", "", ""), tried, "Tried"),
             ],

@@ -23,7 +23,7 @@ from spacearm.arrays import Array
 from spacearm.closure.closing import Closure, Gaps, carried, closed_motions
 from spacearm.closure.held_report import closed_distances
 from spacearm.description.tree import Tree, free_name
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.errors import UnsupportedError, require_known
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.mechanics.target import Target
 from spacearm.model.arguments import BaseMode
@@ -98,8 +98,7 @@ class Carrying:
         Raises:
             ConfigurationError: There is no such frame.
         """
-        if frame not in ("inertial", "spacecraft"):
-            raise ConfigurationError(unknown("frame", frame, ("inertial", "spacecraft")))
+        require_known("frame", frame, ("inertial", "spacecraft"))
         base = cfg.base if frame == "inertial" else pin.SE3.Identity()
         return kinematics(self.of_target, cfg.q.copy(), base)
 
@@ -265,15 +264,10 @@ def check_chain(carrying: Carrying, mode: BaseMode, limits: bool, timed: bool) -
         ConfigurationError: The start is singular, or beyond the joint limits where they count.
         UnsupportedError: There is momentum and no times, or the arms have too few joints.
     """
-    cfg, arm = carrying.start, carrying.arm
-    if not timed and (cfg.momentum.any() or cfg.wheels.any()):
-        raise UnsupportedError(
-            "the start has momentum on board, and the spacecraft turns with time; give times= at "
-            "which the target passes each corner"
-        )
+    arm = carrying.arm
     if arm.n < arm.task.k:
         raise UnsupportedError(
             f"{arm.name} has {arm.n} joints for the {arm.task.k} rows of {len(arm.tips)} tips, so "
             "that the target cannot follow any path; Held.report() tells how it can move"
         )
-    following.check_start(cfg, mode, limits)
+    following.check_start(carrying.start, mode, limits, timed, "target")

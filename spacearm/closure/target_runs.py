@@ -13,7 +13,6 @@ J_q^T w_i of wrenches with G^T w_i = 0 add w_i to w, and nothing moves.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from typing import Any, ClassVar, NamedTuple
@@ -22,19 +21,13 @@ import numpy as np
 import pinocchio as pin
 from scipy.integrate import DOP853
 
+from spacearm import errors
 from spacearm.arrays import Array, ArrayLike, finite, positive, shape_of
 from spacearm.closure.closing import carried
 from spacearm.closure.target_paths import HELD, Carrying, gaps_table
 from spacearm.compiler import numbers
 from spacearm.equations.laws import Pose, State, quaternion_rate
 from spacearm.equations.plant import cut_torques, held_attitude, taken, yielding
-from spacearm.errors import (
-    ConfigurationError,
-    NoSolutionError,
-    UnsupportedError,
-    listed,
-    require_known,
-)
 from spacearm.mechanics import dynamics
 from spacearm.mechanics.arm_kernels import structure_of
 from spacearm.model.arm import Configuration, kinematics
@@ -46,7 +39,7 @@ from spacearm.motion.goal import twist_between
 from spacearm.motion.motion import Trajectory, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.motion.plant import Integration, Plant, wheel_torques
-from spacearm.motion.simulation import OUTPUTS, audit
+from spacearm.motion.simulation import audit
 from spacearm.motion.system import System, prepared
 from spacearm.results import Column, Description, Table
 
@@ -237,7 +230,7 @@ class TargetRun(Trajectory, kw_only=True):
         notes, over = [*motion.notes], self.overloaded
         if over:
             notes.append(
-                f"the largest torque of the description is reached by {listed(over)}; "
+                f"the largest torque of the description is reached by {errors.listed(over)}; "
                 "sa.Plant(limits=True) cuts what is beyond, and neither what the law asks for nor "
                 "squeeze is kept then"
             )
@@ -265,9 +258,10 @@ class Simulation:
         self.integration = integration
         self.squeeze = None if squeeze is None else _squeeze(carrying, squeeze)
         if plant.pushed:
-            raise UnsupportedError(
-                f"wrenches on {listed([link for link, *_ in plant.pushed])} are not simulated with "
-                "a held target; give wheels, passive and limits of the plant only"
+            links = errors.listed([link for link, *_ in plant.pushed])
+            raise errors.UnsupportedError(
+                f"wrenches on {links} are not simulated with a held target; give wheels, passive "
+                "and limits of the plant only"
             )
         self.system = System(carrying.start, plant=plant)
         ready = prepared(self.system, trace=False)
@@ -288,22 +282,19 @@ class Simulation:
         arm, integration = self.carrying.arm, self.integration
         duration = positive(duration, "duration", "time [s]")
         y = self.start(np.zeros(arm.n) if dq is None else joint_vector(arm, dq, "dq"))
-        dt = integration.dt or duration / OUTPUTS
-        if dt > duration:
-            raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
-        times = np.append(dt * np.arange(math.ceil(duration / dt - 1e-9)), duration)
+        times = np.append(integration.times(duration), duration)
         method: Callable[..., Any] = DOP853
         solver = method(self.rate, 0.0, y, duration, rtol=integration.rtol, atol=integration.atol)
         t, states, events, ended = [0.0], [y], list[Event](), "duration"
         before = self.rooms(0.0, y)
         if before[0] < 0.0:
-            raise ConfigurationError(
+            raise errors.ConfigurationError(
                 f"bears is {self.asked!r}, and more than that is borne at the start; squeeze "
                 "less, or give a larger force [N] and moment [N m]"
             )
         while solver.status == "running" and ended == "duration":
             if failure := solver.step():
-                raise NoSolutionError(
+                raise errors.NoSolutionError(
                     f"{arm.name}: the step collapsed at {solver.t:.4g} s: {failure}"
                 )
             piece, end = solver.dense_output(), solver.t
@@ -372,7 +363,7 @@ class Simulation:
         opening = np.abs(closure_rows(cfg) @ v).max(initial=0.0)
         size = np.abs(cfg.J @ v).max()
         if opening > OPENING * size + STILL:
-            raise ConfigurationError(
+            raise errors.ConfigurationError(
                 f"dq opens the grasps at {opening:.2g} m/s or rad/s; give rates that keep them "
                 "closed, such as those of Held.follow, or None to start at rest"
             )
@@ -481,10 +472,10 @@ def _borne(tips: Sequence[str], bears: Sequence[float] | Mapping[str, Sequence[f
         ConfigurationError: A name is no tip, or they are not two numbers above 0.
     """
     given = bears if isinstance(bears, Mapping) else dict.fromkeys(tips, bears)
-    require_known("tip", given, tips, "bears: ")
+    errors.require_known("tip", given, tips, "bears: ")
     for each in given.values():
         if shape_of(each) != (2,) or not np.all(np.asarray(each, dtype=np.float64) > 0.0):
-            raise ConfigurationError(
+            raise errors.ConfigurationError(
                 f"bears is {bears!r}; give a force [N] and a moment [N m] above 0, or both by tip"
             )
     return np.array([given.get(tip, (np.inf, np.inf)) for tip in tips], dtype=np.float64)
@@ -503,7 +494,7 @@ def _squeeze(carrying: Carrying, given: Mapping[str, ArrayLike]) -> Array:
     """
     cfg, tips = carrying.start, carrying.arm.tips
     if set(given) != set(tips):
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             f"squeeze is {given!r}; give a wrench (6,) for each tip: {', '.join(tips)}"
         )
     w = np.array([finite(given[tip], (6,), f"squeeze of {tip!r}", "[N], [N m]") for tip in tips])
@@ -516,7 +507,7 @@ def _squeeze(carrying: Carrying, given: Mapping[str, ArrayLike]) -> Array:
             carried(tip.translation - at).T @ each
             for tip, each in zip(cfg.tips, turned, strict=True)
         )
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             f"squeeze does not balance: it gives the target {np.round(total, 6).tolist()} "
             "[N], [N m] about its frame; wrenches that squeeze have no sum, as (0, 0, f, 0, 0, 0) "
             "at two grasps that face each other, in the axes of the target"

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, Integers
+from spacearm.arrays import Array, Integers, counted
 from spacearm.collisions.bodies import Geometry, but_for, own_pairs, without_shapes
 from spacearm.collisions.obstacles import Obstacle, ObstacleLike, obstacles_of
 from spacearm.collisions.swept_motion import (
@@ -375,12 +375,8 @@ def contacts_of(
 ) -> CollisionReport:
     """Check bodies as `collision_check`, with pairs of links that may touch."""
     motion, bodies = _moving(thing, obstacles, touching)
-    least = []
-    for i in range(len(motion)):
-        least.append(bodies.margins(motion, float(i)))
-        if progress:
-            progress(i + 1, len(motion))
-    rows = np.array(least)
+    margins = [bodies.margins(motion, float(i)) for i in counted(range(len(motion)), progress)]
+    rows = np.array(margins)
     contact = bodies.contact(motion)
     return CollisionReport(
         apart=contact is None,

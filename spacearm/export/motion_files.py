@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError, imported, listed, unknown
+from spacearm.errors import ConfigurationError, imported, listed, require_known
 from spacearm.files import write, write_folder
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
@@ -60,9 +60,7 @@ def write_motion(motion: Motion, path: str | os.PathLike[str]) -> Path:
     path = Path(path)
     if path.suffix == ".zarr":
         return _zarr(motion, path)
-    if path.suffix not in WRITERS:
-        valid = (*WRITERS, ".zarr")
-        raise ConfigurationError(unknown("suffix of a motion's file", path.suffix, valid))
+    require_known("suffix of a motion's file", path.suffix, (*WRITERS, ".zarr"))
     return write(path, WRITERS[path.suffix](motion))
 
 

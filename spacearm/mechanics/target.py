@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, ArrayLike, finite, named, plain, positive, read_only
+from spacearm.arrays import Array, ArrayLike, finite, named, plain, positive, read_only, within
 from spacearm.description.bodies import Inertial
 from spacearm.description.bus import Bus, stand_in
 from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
 from spacearm.description.readers.source import Reading
 from spacearm.description.tree import Tree
-from spacearm.errors import ConfigurationError, ModelError, listed, require_known
+from spacearm.errors import ModelError, listed, require_known
 from spacearm.mechanics.free_rotation import FreeRotation
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.results import Cell, Column, Described, Description, Measure, Table
@@ -103,12 +103,8 @@ class Target(Described):
         orbit: float = 0.0,
         name: str = "",
     ) -> None:
-        rate = float(finite(orbit, (), "orbit", "for the orbital rate [rad/s]"))
-        if not 0.0 <= rate <= FASTEST_ORBIT:
-            raise ConfigurationError(
-                f"orbit is {orbit!r}; give the orbital rate, from 0 to {FASTEST_ORBIT} rad/s "
-                "(0.0011 in low orbits of the Earth)"
-            )
+        in_orbit = "the orbital rate [rad/s] (0.0011 in low orbits of the Earth)"
+        rate = within(orbit, "orbit", 0.0, FASTEST_ORBIT, in_orbit)
         self.__dict__["body"] = body
         tree = self.tree
         marks = {

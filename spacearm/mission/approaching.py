@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -26,13 +26,12 @@ from spacearm.errors import (
     NoSolutionError,
     UnsupportedError,
     require_known,
-    unknown,
 )
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import generalized_velocity, momentum_and_torque
 from spacearm.mechanics.floating import STEP, attitudes, placed, reactions, walk
 from spacearm.mechanics.target import Target
-from spacearm.mission.braking import braked, largest_torques
+from spacearm.mission.braking import Braking, braked, largest_torques
 from spacearm.mission.catch_report import Catch, grasp_of, in_hand
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
@@ -106,8 +105,7 @@ class Approach:
     ) -> Approach:
         """Check what was given."""
         arm = start.arm
-        if mode not in (FLOATING, HELD):
-            raise ConfigurationError(unknown("mode", mode, (FLOATING, HELD)))
+        require_known("mode", mode, (FLOATING, HELD))
         if mode == FLOATING and constraints.wheels is not None and not arm.wheels:
             raise ConfigurationError(
                 f"constraints have wheels, and {arm.name} has none while it floats; give "
@@ -405,16 +403,11 @@ class Approach:
         """
         target = self.target
         poses, clock = self.path(t, grapple, reach[-1])
-        begin = max(t - float(clock[-1] + reach.t[-1]), 0.0)
         chase = follow(
             reach[-1], poses[1:], times=clock[1:], at_rest=False, mode=self.mode,
             limits=self.constraints.limits,
         )  # fmt: skip
-        if not chase.arrived:
-            raise NoSolutionError(f"on the way from the stand-off: {chase.reason}")
-        most = self.constraints.joint_rates(self.start.arm)
-        self._check_loads("rate", np.abs(chase.dq).max(axis=0), most)
-        self._check_contacts(chase, t)
+        self._check_chase(chase, t)
         wheels, load = self.wheels, ""
         if wheels is not None:
             chase, load = self._borne(chase, wheels)
@@ -432,28 +425,35 @@ class Approach:
             )  # fmt: skip
         except NoSolutionError as error:
             raise NoSolutionError(f"with {target.name} in the hand, {error}") from None
-        torque = np.maximum(largest_torques(chase), np.abs(brake.torque).max(axis=0))
-        self._check_loads("torque", torque, self.efforts)
-        proven = self._proven(reach, chase)
+        told, proven = self._told(t, reach, chase, brake), self._proven(reach, chase)
         off = end.tip.actInv(frame.pose)
         return Catch(
-            target=target,
+            **told,
             grapple=grapple,
-            t=t,
-            begin=begin,
-            plan=reach,
-            chase=chase,
-            brake=brake,
             distance_proven=proven,
             place_error=float(np.linalg.norm(off.translation)),
             turn_error=float(np.linalg.norm(pin.log3(off.rotation))),
             twist_error=end.J @ v - frame.twist,
-            torque=torque,
             momentum=held.momentum,
-            wheels=self._wheels_after(brake[-1]),
             wheel_load=(reach.wheel_load, load, brake.wheel_load) if load else (),
-            tried=(),
         )
+
+    def _check_chase(self, chase: Followed, t: float) -> None:
+        """Refuse a way from the stand-off that ends early, is too fast, or meets something."""
+        if not chase.arrived:
+            raise NoSolutionError(f"on the way from the stand-off: {chase.reason}")
+        most = self.constraints.joint_rates(self.start.arm)
+        self._check_loads("rate", np.abs(chase.dq).max(axis=0), most)
+        self._check_contacts(chase, t)
+
+    def _told(self, t: float, reach: Plan, chase: Followed, brake: Braking) -> dict[str, Any]:
+        """Return what a catch at a time holds of its parts, whose torques are checked."""
+        torque = np.maximum(largest_torques(chase), np.abs(brake.torque).max(axis=0))
+        self._check_loads("torque", torque, self.efforts)
+        begin = max(t - float(chase.t[-1] + reach.t[-1]), 0.0)
+        parts = {"target": self.target, "plan": reach, "chase": chase, "brake": brake}
+        wheels = self._wheels_after(brake[-1])
+        return {**parts, "t": t, "begin": begin, "torque": torque, "wheels": wheels, "tried": ()}
 
     def _straight(self, goal: Joints, lasts: float, t: float, search: Search) -> Plan:
         """Return the plan of a straight joint motion until a time t.

@@ -20,15 +20,7 @@ from scipy.spatial.transform import Rotation
 from spacearm.arrays import Array, Booleans, Integers, Progress
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import reactions
-from spacearm.mission.rotations import (
-    Cells,
-    angle_between,
-    attitudes,
-    cells,
-    children,
-    nearest_of,
-    spacing,
-)
+from spacearm.mission import rotations
 from spacearm.model.arm import SpaceArm
 from spacearm.model.frames import evenly_spread
 from spacearm.motion import leading
@@ -107,7 +99,7 @@ class HeldTip(NamedTuple):
             waiting = np.flatnonzero(np.isnan(found[:, 0]))
             if not len(waiting):
                 return found
-            nearest, apart = nearest_of(known, attitude[waiting])
+            nearest, apart = rotations.nearest_of(known, attitude[waiting])
             new = (nearest != tried[waiting]) & (apart <= max(reach, 1.01 * float(apart.min())))
             if not new.any():
                 return found
@@ -149,7 +141,7 @@ class HeldTip(NamedTuple):
                 "beginning of the path, at any attitude; give another, or all_branches=True to try "
                 "many"
             )
-        nearest = solved[np.argmin(angle_between(attitude[solved], first))]
+        nearest = solved[np.argmin(rotations.angle_between(attitude[solved], first))]
         return attitude[None, nearest], q[None, nearest]
 
     def _side(self, q: Array) -> Array:
@@ -231,7 +223,7 @@ class Outcome(NamedTuple):
     def posture_near(self, attitude: Array) -> Array:
         """Return the postures (k, n) of the attitudes that are nearest to others (k, 4)."""
         known = np.flatnonzero(np.isfinite(self.q[:, 0]))
-        nearest, _ = nearest_of(self.attitude[known], attitude)
+        nearest, _ = rotations.nearest_of(self.attitude[known], attitude)
         return self.q[known[nearest]]
 
 
@@ -404,7 +396,7 @@ def _wrapped(angle: Array) -> Array:
 
 def search_cells(
     trials: PathTrials, level: int, refine: int, progress: Progress | None
-) -> tuple[Outcome, Cells, Cells]:
+) -> tuple[Outcome, rotations.Cells, rotations.Cells]:
     """Follow the path from attitudes all over the rotations, more of them at the border.
 
     Args:
@@ -416,20 +408,20 @@ def search_cells(
     Returns:
         The outcomes in the middles of all cells; the cells (m, 2); their levels (m,).
     """
-    of, parts = cells(level), 2 + refine
+    of, parts = rotations.cells(level), 2 + refine
 
     def tell(done: int, total: int, part: int = 0) -> None:
         if progress:
             progress(1000 * (part * total + done) // (parts * total), 1000)
 
-    found = trials.at(attitudes(of, level), REACH * spacing(len(of)), tell)
+    found = trials.at(rotations.attitudes(of, level), REACH * rotations.spacing(len(of)), tell)
     levels = np.full(len(of), level)
     for finer in range(level + 1, level + refine + 1):
         border = (levels == finer - 1) & at_border(found, trials.feasible(found), levels)
         if not border.any():
             break
-        inner = children(of[border])
-        middles = attitudes(inner, finer)
+        inner = rotations.children(of[border])
+        middles = rotations.attitudes(inner, finer)
         more = trials.near(middles, found.posture_near(middles))
         found = joined((found.take(~border), more))
         of = np.concatenate((of[~border], inner))
@@ -438,20 +430,20 @@ def search_cells(
     return found, of, levels
 
 
-def volume(levels: Cells) -> Array:
+def volume(levels: rotations.Cells) -> Array:
     """Return the share (m,) of all rotations in each cell."""
     return 1.0 / (72.0 * 8.0**levels)
 
 
-def at_border(found: Outcome, inside: Booleans, levels: Cells) -> Booleans:
+def at_border(found: Outcome, inside: Booleans, levels: rotations.Cells) -> Booleans:
     """Return (m,) which cells have a neighbour that is feasible where they are not, or is not."""
     border = np.zeros(len(inside), dtype=bool)
     if inside.all() or not inside.any():
         return border
-    reach = REACH * spacing(int(72 * 8 ** levels.max()))
-    wide = REACH * spacing(int(72 * 8 ** levels.min()))
+    reach = REACH * rotations.spacing(int(72 * 8 ** levels.max()))
+    wide = REACH * rotations.spacing(int(72 * 8 ** levels.min()))
     for of, to in ((inside, ~inside), (~inside, inside)):
-        _, apart = nearest_of(found.attitude[to], found.attitude[of])
+        _, apart = rotations.nearest_of(found.attitude[to], found.attitude[of])
         border[of] = apart <= np.where(levels[of] == levels.max(), reach, wide)
     return border
 
@@ -465,7 +457,7 @@ def largest_ball(trials: PathTrials, found: Outcome) -> tuple[Array, float]:
     inside = trials.feasible(found)
     if inside.all():
         return found.attitude[np.argmax(found.distance)], np.pi
-    _, room = nearest_of(found.attitude[~inside], found.attitude[inside])
+    _, room = rotations.nearest_of(found.attitude[~inside], found.attitude[inside])
     i = np.flatnonzero(inside)[np.argmax(room)]
     low, high, centre = 0.0, min(1.3 * float(room.max()), np.pi), found.attitude[i]
     axes = evenly_spread(AXES)

@@ -27,6 +27,7 @@ from spacearm.arrays import (
     plain,
     positive,
     whole,
+    within,
 )
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mission.attitude_search import (
@@ -204,9 +205,7 @@ class FeasibleAttitudes(Result):
             ConfigurationError: There is no such attitude.
             NoSolutionError: There is no posture with the tip there.
         """
-        i = self.best if i is None else i
-        if not 0 <= i < len(self.q):
-            raise ConfigurationError(f"i is {i}; give one of 0 to {len(self.q) - 1}")
+        i = self.best if i is None else whole(i, "i", 0, len(self.q) - 1)
         if not np.isfinite(self.q[i]).all():
             raise NoSolutionError(f"attitude {i} has no posture with the tip at the path's start")
         R = pin.Quaternion(self.attitude[i]).normalized().matrix()
@@ -248,12 +247,14 @@ class FeasibleAttitudes(Result):
         kinds, counts = np.unique(self.ended, return_counts=True)
         ends = [(ENDS[kind], count) for kind, count in zip(kinds, counts, strict=True)]
         unit = "m" if min(self.arm.task.indices) < 3 else "rad"
+        momentum = "with momentum" if self.momentum.any() else "at zero momentum"
         said = Description(
             title=f"{self.arm.name}, margin {np.degrees(self.margin):.3g}°",
             verdict=self._verdict(),
             notes=[
-                f"the path of {self.length:.4g} {unit} can be followed from {self.share:.2%} of "
-                f"the attitudes, joint limits {'count' if self.limits else 'do not count'}"
+                f"the path of {self.length:.4g} {unit} can be followed {momentum} from "
+                f"{self.share:.2%} of the attitudes, joint limits "
+                f"{'count' if self.limits else 'do not count'}"
             ],
             tables=[Table(("ended", "attitudes tried"), ends)],
         )
@@ -359,7 +360,8 @@ def feasible_attitudes(
     arm, h = start.arm, start.momentum
     arm.require_one_tip()
     axis = turning_axis(arm)
-    margin, speed = sound_margin(margin), positive(speed, "speed", "speed [m/s]")
+    margin = within(margin, "margin", 0.0, np.pi, "an angle [rad]")
+    speed = positive(speed, "speed", "speed [m/s]")
     if h[:3].any():
         raise ConfigurationError(
             f"momentum has the linear part {h[:3].tolist()}; the path is given from the system CM, "
@@ -410,17 +412,6 @@ def feasible_attitudes(
         length=sum(piece.length for piece in pieces), **found._asdict(), weight=weight, axis=axis,
         intervals=intervals, cell=cell, border=border, ball=ball,
     )  # fmt: skip
-
-
-def sound_margin(margin: object) -> float:
-    """Return a least distance to the singular set, checked.
-
-    Raises:
-        ConfigurationError: It is no angle from 0 on.
-    """
-    if not (isinstance(margin, float | int) and 0.0 <= margin < np.pi):
-        raise ConfigurationError(f"margin is {margin!r}; give an angle from 0 on [rad]")
-    return float(margin)
 
 
 def turning_axis(arm: SpaceArm) -> int | None:

@@ -32,6 +32,11 @@ from spacearm.singularities.nearest import angle
 
 #: Rate at which wheels take up a tumble [1/s], and how many times its inverse they are given.
 DAMPED, SETTLED = 0.5, 12.0
+#: What `to_dict` of a catch has under its own name.
+TOLD = (
+    "arm", "grapple", "begin", "distance_proven", "place_error", "turn_error", "twist_error",
+    "torque", "momentum", "wheel_load", "tumble", "not_checked",
+)  # fmt: skip
 
 
 class Candidate(NamedTuple):
@@ -265,30 +270,16 @@ class Catch(Result, kw_only=True):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all but the parts of the motion as plain data; the motion up to contact as one."""
-        way = self.approach
-        told = {
-            "arm": self.arm.name,
+        told = {name: getattr(self, name) for name in TOLD}
+        told |= {
             "target": self.target.name,
-            "grapple": self.grapple,
             "contact": self.t,
-            "begin": self.begin,
             "standing": self.begin + self.plan.t[-1],
             "rest": self.t + self.brake.t[-1],
-            "distance_proven": self.distance_proven,
-            "place_error": self.place_error,
-            "turn_error": self.turn_error,
-            "twist_error": self.twist_error,
-            "torque": self.torque,
             "borne": self.brake.borne,
-            "momentum": self.momentum,
-            "wheel_load": self.wheel_load,
             "afterwards": self.rest,
-            "tumble": self.tumble,
             "contacts": self.tried,
-            "not_checked": self.not_checked,
-            "t": way.t,
-            "q": way.q,
-            "base": way.base,
+            **{name: getattr(self.approach, name) for name in ("t", "q", "base")},
         }
         return {name: plain(value) for name, value in told.items()}
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, Parameters, finite, generator, plain, positive, whole
+from spacearm.arrays import LARGEST, Array, Parameters, generator, plain, positive, whole, within
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import generalized_velocity, spacecraft_twist
 from spacearm.mechanics.target import Target
@@ -56,8 +56,7 @@ class TargetErrors(Parameters):
 
     def __post_init__(self) -> None:
         for name, value in self.to_dict().items():
-            if not float(finite(value, (), name, "from 0 on")) >= 0.0:
-                raise ConfigurationError(f"{name} is {value}; give a number from 0 on")
+            within(value, name, 0.0, LARGEST)
         for name in ("mass", "inertia"):
             if getattr(self, name) >= 1.0:
                 raise ConfigurationError(f"{name} is {getattr(self, name)}; give a share below 1")

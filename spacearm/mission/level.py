@@ -15,10 +15,10 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, ArrayLike, Integers, Progress, finite, positive, whole
+from spacearm.arrays import Array, ArrayLike, Integers, Progress, finite, positive, whole, within
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
-from spacearm.mission.attitudes import sound_margin, turning_axis
+from spacearm.mission.attitudes import turning_axis
 from spacearm.mission.rotations import angle_between
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.model.frames import evenly_spread
@@ -244,7 +244,8 @@ def level_reach(
     """
     axis, cfg = _level_start(start)
     arm = start.arm
-    tilt, margin = positive(tilt, "tilt", "angle [rad]"), sound_margin(margin)
+    tilt = positive(tilt, "tilt", "angle [rad]")
+    margin = within(margin, "margin", 0.0, np.pi, "an angle [rad]")
     dimension = 3 if axis is None else 2
     number = RAYS[dimension] if directions is None else whole(directions, "directions", 4)
     ends = FOLLOWING._replace(limits=limits, most_tilt=tilt, margin=margin)

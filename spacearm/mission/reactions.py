@@ -19,11 +19,12 @@ from spacearm.arrays import (
     Array,
     ArrayLike,
     Progress,
+    counted,
     finite,
     generator,
     positive,
     whole,
-    within_100,
+    within,
 )
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.distance import distance_at
@@ -242,13 +243,12 @@ def reaction(
         on_board = run.momentum
     excursion = np.array([pin.log3(start.T @ cfg.base.rotation) for cfg in floating])
     momentum, rate, torque = np.zeros((3, len(run), 3))
-    for i, (cfg, afloat) in enumerate(zip(run, floating, strict=True)):
+    for i in counted(range(len(run)), progress):
+        cfg, afloat = run[i], floating[i]
         momentum[i] = _held_momentum(cfg) @ run.dq[i]
         rate[i] = afloat.base.rotation.T @ base_velocity(afloat, run.dq[i])[3:]
         taken = inverse_dynamics(cfg, run.dq[i], run.ddq[i], mode="attitude-controlled")
         torque[i] = cfg.base.rotation.T @ taken.reaction[3:]
-        if progress:
-            progress(i + 1, len(run))
     return Reaction(
         run.arm, run.t, excursion, rate, momentum, on_board[:, 3:] @ start, torque, sight,
         run.ended_singular, run.momentum_jump,
@@ -308,7 +308,7 @@ class WheelSizing(Result):
         Raises:
             ConfigurationError: It is not from 0 to 100.
         """
-        share = within_100(percent, "percent")
+        share = within(percent, "percent", 0.0, 100.0)
         each = np.percentile(self.axes, share, axis=0)
         return np.asarray(each), float(np.percentile(self.momentum, share))
 
@@ -395,12 +395,10 @@ def size_wheels(
     Q = uniform(arm, True, whole(samples, "samples", 1), generator(seed))
     cfgs: list[Configuration] = []
     moved: list[Array] = []
-    for i, cfg in enumerate(map(arm.at, Q)):
-        if distance_at(cfg, HELD) > near:
+    for q in counted(Q, progress):
+        if distance_at(cfg := arm.at(q), HELD) > near:
             cfgs.append(cfg)
             moved.append(speed * _momentum_by_speed(cfg))
-        if progress:
-            progress(i + 1, len(Q))
     if not cfgs:
         raise NoSolutionError(
             f"all {samples} postures of {arm.name} are within {np.degrees(near):.3g}° of a "

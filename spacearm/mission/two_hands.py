@@ -20,19 +20,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from spacearm import errors
 from spacearm.arrays import Array
 from spacearm.closure.closing import Gaps, carried, target_momentum
 from spacearm.closure.holding import Held, hold
 from spacearm.closure.target_paths import Carrying, TargetCurve, with_target
 from spacearm.closure.target_runs import TargetRun, closed_state, onto_closure
-from spacearm.errors import (
-    ConfigurationError,
-    ImpossibleError,
-    NoSolutionError,
-    UnsupportedError,
-    listed,
-    require_known,
-)
 from spacearm.mechanics.dynamics import (
     Capture,
     generalized_velocity,
@@ -41,7 +34,7 @@ from spacearm.mechanics.dynamics import (
 )
 from spacearm.mechanics.target import Target
 from spacearm.mission.approaching import NO_WAY, Approach, Grapple, away, in_turn
-from spacearm.mission.braking import BRAKES, Braking, largest_torques
+from spacearm.mission.braking import BRAKES, Braking
 from spacearm.mission.catch_report import Catch
 from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
@@ -164,7 +157,7 @@ class HandsCatch(Catch, kw_only=True):
         begun = replace(self.plan, t=self.begin + self.plan.t)
         contacts, stands = sorted(set(self.grasped.values())), self.t - float(self.chase.t[-1])
         turns = [[tip for tip, t in self.grasped.items() if t == contact] for contact in contacts]
-        words = [f"closing in{f', {listed(tips)}' * (len(turns) > 1)}" for tips in turns]
+        words = [f"closing in{f', {errors.listed(tips)}' * (len(turns) > 1)}" for tips in turns]
 
         def tell(begin: float) -> Callable[[float, float], object] | None:
             return progress and (lambda t, _: progress(begin + t, total))
@@ -199,7 +192,7 @@ class HandsCatch(Catch, kw_only=True):
             )  # fmt: skip
             whole = run.arm.replace(tip=[*arm.tips], joints=run.arm.joint_names)
             run = replace(run, arm=whole)
-            detail = f"{listed(turns[i])}: " * (len(turns) > 1)
+            detail = f"{errors.listed(turns[i])}: " * (len(turns) > 1)
             detail += f"{target.mass:g} kg, {hit.energy_lost:.3g} J lost"
             events += [Event(contact, "grasp", end.q, detail)]
             events += [event._replace(t=contact + event.t) for event in run.events]
@@ -231,7 +224,7 @@ class HandsCatch(Catch, kw_only=True):
         """Describe it as `Catch.describe`, and when each hand grasps."""
         told = super().describe()
         times = [f"{tip} grasps after {t:.4g} s" for tip, t in self.grasped.items()]
-        return replace(told, notes=[listed(times), *told.notes])
+        return replace(told, notes=[errors.listed(times), *told.notes])
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `Catch` tells, when hands grasp, and how far singular postures are."""
@@ -281,17 +274,19 @@ class HandsApproach(Approach):
         """
         given = [pair for group in in_turn(grapple) for pair in group.items()]
         if sorted(tip for tip, _ in given) != sorted(arm.tips):
-            raise ConfigurationError(
+            raise errors.ConfigurationError(
                 f"grapple is {grapple!r}; give {{tip: frame}} for each tip of {arm.name}: "
-                f"{listed(arm.tips)}; sa.load(source, tip=[...]) names other tips"
+                f"{errors.listed(arm.tips)}; sa.load(source, tip=[...]) names other tips"
             )
         for _, name in given:
-            require_known(f"grapple of {target.name}", name, target.grapples)
+            errors.require_known(f"grapple of {target.name}", name, target.grapples)
         frames = tuple(dict(given)[tip] for tip in arm.tips)
         if len(set(frames)) < len(frames):
-            raise ConfigurationError(f"grapple is {grapple!r}; give each tip a frame of its own")
+            raise errors.ConfigurationError(
+                f"grapple is {grapple!r}; give each tip a frame of its own"
+            )
         if arm.task.k < 6 * len(frames) or arm.n < arm.task.k:
-            raise UnsupportedError(
+            raise errors.UnsupportedError(
                 f"{arm.name} has the task {arm.task.names!r} and {arm.n} joints; several hands "
                 f"catch by their poses, {6 * len(frames)} rows: sa.load(..., task='pose')"
             )
@@ -300,12 +295,12 @@ class HandsApproach(Approach):
     def check_start(self) -> None:
         """Refuse what several hands cannot do, and a start at which the target is met at once."""
         if self.mode != FLOATING:
-            raise UnsupportedError(
+            raise errors.UnsupportedError(
                 f"mode is {self.mode!r}; several hands catch from a spacecraft that floats: leave "
                 "out mode, or catch by one tip"
             )
         if self.moving:
-            raise UnsupportedError(
+            raise errors.UnsupportedError(
                 "the start has momentum on board, with which several hands catch nothing; leave "
                 "out momentum and wheels of the start, or catch by one tip"
             )
@@ -378,13 +373,13 @@ class HandsApproach(Approach):
         goals = dict[str, pin.SE3]()
         for cfg, name in self.hands(self.start):
             if why := out_of_reach(cfg, self.target.at(t, name).pose):
-                raise ImpossibleError(f"{cfg.arm.tip}: {why}")
+                raise errors.ImpossibleError(f"{cfg.arm.tip}: {why}")
             goals[cfg.arm.tip] = self.path(t, name, nodes=1)[0][0]
         stands, look = t - sum(self.duration), replace(search, method="straight")
         if lasts > 0.0 and search.method != "straight":
             look = replace(search, timeout=min(lasts, search.timeout))
         elif next(ways, None) is None:
-            raise NoSolutionError(NO_WAY)
+            raise errors.NoSolutionError(NO_WAY)
         among = replace(self.constraints, wheels=None)
         reach = plan(self.start, goals, constraints=among, search=look)
         slowly = min(stands, self.duration[0])  # as the tips take up the target's motion then
@@ -392,7 +387,7 @@ class HandsApproach(Approach):
         if still and self._in_time(reach, stands).t[-1] < slowly:
             reach = replace(reach, t=reach.t / reach.t[-1] * slowly)
         if self._met(self._in_time(reach, stands), stands):
-            raise NoSolutionError("the way to the stand-off meets the target")
+            raise errors.NoSolutionError("the way to the stand-off meets the target")
         return self._caught(t, grapple, reach)
 
     def _chase(self, t: float, reach: Plan) -> following.Followed:
@@ -410,10 +405,7 @@ class HandsApproach(Approach):
             start, hands[0][0], segments[:1], 1.0, True,
             lambda at, _: HandsCurve(at, segments, self.constraints.limits), what="first tip",
         )  # fmt: skip
-        chase = following.Followed(**told)
-        if not chase.arrived:
-            raise NoSolutionError(f"on the way from the stand-off: {chase.reason}")
-        return chase
+        return following.Followed(**told)
 
     def _caught(self, t: float, _: str, reach: Plan) -> Catch:
         """Return the catch at a time, from a plan to the stand-offs.
@@ -422,12 +414,11 @@ class HandsApproach(Approach):
             SpaceArmError: It keeps not all constraints.
         """
         arm, target, chase = self.start.arm, self.target, self._chase(t, reach)
+        self._check_chase(chase, t)
         rates = self.constraints.joint_rates(arm)
-        self._check_loads("rate", np.abs(chase.dq).max(axis=0), rates)
-        self._check_contacts(chase, t)
         least = LEAST if self.constraints.clearance is None else self.constraints.clearance
         if (near := float(chase.distance.min())) < least:
-            raise NoSolutionError(
+            raise errors.NoSolutionError(
                 f"from the stand-off on a singular posture is about {angle(near)} away, and the "
                 f"clearance is {angle(least)}"
             )
@@ -440,30 +431,21 @@ class HandsApproach(Approach):
         held = replace(held, configuration=held.configuration.with_momentum(hit.momentum))
         try:
             brake = self._braked(held, hit.dq, rates, float(least))
-        except NoSolutionError as error:
-            raise NoSolutionError(f"with {target.name} in the hands, {error}") from None
-        torque = np.maximum(largest_torques(chase), np.abs(brake.torque).max(axis=0))
-        self._check_loads("torque", torque, self.efforts)
+        except errors.NoSolutionError as error:
+            raise errors.NoSolutionError(f"with {target.name} in the hands, {error}") from None
+        told = self._told(t, reach, chase, brake)
         wanted = [target.at(t, name) for name in self.grapples]
         off = Gaps.of(end.tips, met.pose, [target.frame(name) for name in self.grapples])
         twists = end.J @ generalized_velocity(end, chase.dq[-1])
         return HandsCatch(
-            target=target,
+            **told,
             grapple=MappingProxyType(frames),
-            t=t,
-            begin=max(t - float(chase.t[-1] + reach.t[-1]), 0.0),
-            plan=reach,
-            chase=chase,
-            brake=brake,
             distance_proven=0.0,
             place_error=off.gap,
             turn_error=off.turn,
             twist_error=twists - np.concatenate([frame.twist for frame in wanted]),
-            torque=torque,
             momentum=hit.momentum,
-            wheels=self._wheels_after(brake[-1]),
             wheel_load=(),
-            tried=(),
             held=held,
             grasped=MappingProxyType(grasped),
         )
@@ -512,7 +494,7 @@ class HandsApproach(Approach):
             )
             if max(torque, faster) <= 1.0 and force <= self.bears[0] and moment <= self.bears[1]:
                 return brake
-        raise NoSolutionError(why)
+        raise errors.NoSolutionError(why)
 
 
 def stopping(pose: pin.SE3, way: Array) -> following.Segment:

@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array, ArrayLike, finite, plain, shape_of
 from spacearm.errors import ConfigurationError, type_of
+from spacearm.results import Cell, Measure
 from spacearm.signatures import checked
 
 #: Pinocchio's frame for twists and Jacobians: of the frame's origin, in inertial axes.
@@ -42,6 +43,12 @@ def pose(xyz: ArrayLike = (0.0, 0.0, 0.0), rpy: ArrayLike = (0.0, 0.0, 0.0)) -> 
     """
     turns = finite(rpy, (3,), "rpy", "roll, pitch, yaw [rad]")
     return pin.SE3(pin.rpy.rpyToMatrix(turns), finite(xyz, (3,), "xyz", "x, y, z [m]"))
+
+
+def pose_facts(pose: pin.SE3, what: str = "place") -> dict[str, Cell]:
+    """Return a pose as two facts for a table of a result."""
+    rpy = pin.rpy.matrixToRpy(pose.rotation)
+    return {what: Measure(pose.translation, "m"), "roll, pitch, yaw": Measure(rpy, "rad")}
 
 
 def sound_pose(pose: PoseLike, what: str) -> pin.SE3:

@@ -97,11 +97,10 @@ def segments(
     Raises:
         ConfigurationError: The path or its length does not make sense.
     """
+    start = cfg.tip if start is None else start
     if callable(path):
         length = positive(length, "length", "length [m] of the path, which is a function")
-        first = _line(
-            cfg, cfg.tip if start is None else start, goal_pose(cfg, path(0.0), "path(0.0)")
-        )
+        first = _line(cfg, start, goal_pose(cfg, path(0.0), "path(0.0)"))
         return [*first, _curve(cfg, path, length)]
     if length is not None:
         raise ConfigurationError(f"length is {length}; a polyline has its own, leave it out")
@@ -112,7 +111,7 @@ def segments(
     if not whole or any(isinstance(corner, Real) for corner in whole):  # one point, perhaps
         raise _no_path(path)
     corners = [goal_pose(cfg, corner, f"path[{i}]") for i, corner in enumerate(whole)]
-    poses = [cfg.tip if start is None else start, *corners]
+    poses = [start, *corners]
     pieces = [_line(cfg, *pair) for pair in pairwise(poses)]
     found = [segment for piece in pieces for segment in piece]
     if not found:
@@ -509,12 +508,7 @@ def follow(
     """
     cfg = goals.started(start, origin)
     pieces, pace, timed = path_pieces(cfg, path, length, speed, times, at_rest)
-    if not timed and (cfg.momentum.any() or cfg.wheels.any()):
-        raise UnsupportedError(
-            "the start has momentum on board, and the spacecraft turns with time; give times= at "
-            "which the tip passes each corner"
-        )
-    check_start(cfg, mode, limits)
+    check_start(cfg, mode, limits, timed)
     curve = partial(TipCurve, mode=mode, limits=limits)
     _, told = told_along(cfg, cfg, pieces, pace, timed, curve, progress)
     return Followed(mode=mode, **told)
@@ -661,14 +655,21 @@ def lengths_of(
     return np.interp(s, clock, behind), float(behind[-1])
 
 
-def check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
+def check_start(
+    cfg: Configuration, mode: BaseMode, limits: bool, timed: bool = True, what: str = "tip"
+) -> None:
     """Refuse a start from which no path can be followed.
 
     Raises:
         ConfigurationError: It is singular, or beyond the joint limits where they count.
-        UnsupportedError: The arm can never do its task.
+        UnsupportedError: The arm can never do its task, or there is momentum and no times.
     """
     arm = cfg.arm
+    if not timed and (cfg.momentum.any() or cfg.wheels.any()):
+        raise UnsupportedError(
+            "the start has momentum on board, and the spacecraft turns with time; give times= at "
+            f"which the {what} passes each corner"
+        )
     require_possible(arm, mode)
     sigma = singular_values(cfg, mode=mode, axes=goals.goal_axes(cfg))
     if sigma[-1] <= NO_INVERSE * sigma[0]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, TypeAlias
@@ -18,6 +19,7 @@ from spacearm.arrays import (
     positive,
     shape_of,
     whole,
+    within,
 )
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
@@ -30,6 +32,10 @@ Wrench: TypeAlias = ArrayLike | Callable[[float], ArrayLike]
 Motors: TypeAlias = Callable[[float], ArrayLike]
 
 
+#: Intervals of the output of a run, if no other is asked for.
+OUTPUTS = 1000
+#: Share of an interval of the output up to which the last one is not worth a row of its own.
+ROUNDING = 1e-9
 #: The least `rtol` that the integrators take.
 FINEST = 100.0 * float(np.finfo(np.float64).eps)
 
@@ -96,9 +102,7 @@ class WheelHold(Parameters):
 
     def __post_init__(self) -> None:
         for name in ("stiffness", "damping", "torque", "capacity"):
-            value = getattr(self, name)
-            if not value >= 0.0:
-                raise ConfigurationError(f"{name} of the wheels is {value!r}; give one from 0 on")
+            within(getattr(self, name), f"{name} of the wheels", 0.0)
 
 
 @checked
@@ -173,10 +177,20 @@ class Integration(Parameters):
     def __post_init__(self) -> None:
         for name in ("rtol", "atol", "reach"):
             positive(getattr(self, name), name)
-        if self.rtol < FINEST:
-            raise ConfigurationError(f"rtol is {self.rtol}; give a number from {FINEST:.2g} on")
+        within(self.rtol, "rtol", FINEST)
         if self.dt is not None:
             positive(self.dt, "dt", "time [s]")
+
+    def times(self, duration: float) -> Array:
+        """Return the times of the outputs of a run before its end [s].
+
+        Raises:
+            ConfigurationError: The time between them is longer than the run.
+        """
+        dt = self.dt or duration / OUTPUTS
+        if dt > duration:
+            raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
+        return dt * np.arange(math.ceil(duration / dt - ROUNDING))
 
 
 @checked
@@ -209,8 +223,7 @@ class Sampling(Parameters):
     def __post_init__(self) -> None:
         positive(self.period, "period", "time [s]")
         whole(self.seed, "seed", 0)
-        if (delay := float(finite(self.delay, (), "delay", "[s]"))) < 0.0:
-            raise ConfigurationError(f"delay is {delay}; give a time from 0 on [s]")
+        within(self.delay, "delay", 0.0, LARGEST, "a time [s]")
 
     @property
     def tracking_rate(self) -> float:

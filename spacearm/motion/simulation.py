@@ -8,7 +8,6 @@ of its energy.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from threading import Event
@@ -39,9 +38,6 @@ if TYPE_CHECKING:
 AUDIT = 1e4
 #: How many times `atol` [J] that of energy may be off besides: all there is near rest.
 STILL = 1e2
-OUTPUTS = 1000
-#: Share of an interval of the output up to which the last one is not worth a row of its own.
-ROUNDING = 1e-9
 
 
 @checked
@@ -104,11 +100,7 @@ def simulate(
         for one in system.controllers.values():
             check_target(one, system.start)
     ready = prepared(system, wanted_events(system, integration, stop))
-    dt = duration / OUTPUTS if integration.dt is None else integration.dt
-    if dt > duration:
-        raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
-    rows = dt * np.arange(math.ceil(duration / dt - ROUNDING))
-    run = Runs([system], [ready], rows, duration, integration)
+    run = Runs([system], [ready], integration.times(duration), duration, integration)
     _advance(run, duration, sampling, progress)
     fault = run.fault[0]
     if fault and run.batch.steps[0] == 0:

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, ArrayLike, Parameters, finite, plain, positive, whole
+from spacearm.arrays import Array, ArrayLike, Parameters, finite, plain, positive, whole, within
 from spacearm.collisions.obstacles import Obstacle, ObstacleLike, obstacles_of
 from spacearm.errors import ConfigurationError, listed, require_known
 from spacearm.model.arguments import require_possible
@@ -84,11 +84,8 @@ class Constraints(Parameters):
     wheels: WheelHold | None = None
 
     def __post_init__(self) -> None:
-        least = self.clearance
-        if least is not None and not (isinstance(least, Real) and 0.0 <= least <= FARTHEST):
-            raise ConfigurationError(
-                f"clearance is {least!r}; give an angle from 0 to {FARTHEST:g} rad"
-            )
+        if self.clearance is not None:
+            within(self.clearance, "clearance", 0.0, FARTHEST, "an angle [rad]")
         if self.keep_attitude is not None:
             positive(self.keep_attitude, "keep_attitude", "angle [rad]")
         none = isinstance(self.obstacles, Sequence) and not self.obstacles

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from spacearm.arrays import Array, ArrayLike, Progress
+from spacearm.arrays import Array, ArrayLike, Progress, counted
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.files import writable, write
 from spacearm.mechanics.batch import evaluate
@@ -183,15 +183,13 @@ def design_report(
         ("Wheels that hold the attitude", lambda s: _wheels(s, arm, about)),
     ]
     sections, begun = [], time.perf_counter()
-    for i, (title, fill) in enumerate(parts):
+    for title, fill in counted(parts, progress):
         section = Section(title)
         try:
             fill(section)
         except (UnsupportedError, NoSolutionError) as reason:
             section.say(f"Not available: {reason}.", "missing")
         sections.append(section)
-        if progress:
-            progress(i + 1, len(parts))
     from spacearm import __version__
 
     when = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")

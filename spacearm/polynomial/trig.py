@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from spacearm.arrays import NO_NUMBERS, Array, ArrayLike, Integers, plain
+from spacearm.arrays import NO_NUMBERS, Array, ArrayLike, Integers, plain, whole
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.polynomial.contraction import Index, T, contract, over_blocks, to_complex, to_real
 from spacearm.polynomial.univariate import Complex, Roots, distinct, line_roots, orders, real_roots
@@ -362,8 +362,7 @@ class TrigPolynomial(Described):
         Raises:
             ConfigurationError: There is no such angle, or q are no angles.
         """
-        if not 0 <= j < self.n:
-            raise ConfigurationError(f"j is {j}; give the number of an angle, 0 to {self.n - 1}")
+        j = whole(j, "j", 0, self.n - 1)
         line = self.along(self._angles(q)[None], (j,))[0]
         if np.abs(line).max() <= NOISE * self.scale:
             return Roots(np.empty(0), np.empty(0, dtype=int), True)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from spacearm.arrays import Array, ArrayLike, Progress, finite, named, numbers_of
+from spacearm.arrays import LARGEST, Array, ArrayLike, Progress, finite, named, numbers_of, within
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
@@ -124,8 +124,7 @@ def prove_clear(
         ConfigurationError: The clearance is no number from 0 on.
         UnsupportedError: J* has no minors to prove it with, or too large ones.
     """
-    if not (np.isfinite(at_least) and at_least >= 0.0):
-        raise ConfigurationError(f"clearance is {at_least!r} rad; give a number from 0 on")
+    at_least = within(at_least, "clearance", 0.0, LARGEST, "an angle [rad]")
     minors = proving_minors(arm, mode)
     if not (minors or at_least or limits) and has_momenta(arm, mode):
         return prove_by_momenta(arm, way, progress)

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Integral
 
 import numpy as np
 
@@ -310,6 +309,4 @@ class ExactSet(SingularSet):
             return self.triangle.joints[-1]
         if isinstance(joint, str):
             return self.arm.joint_names.index(joint_name(self.arm, joint))
-        if not isinstance(joint, Integral) or not 0 <= joint < self.arm.n:
-            raise ConfigurationError(f"joint is {joint!r}; give 0 to {self.arm.n - 1} or a name")
-        return int(joint)
+        return whole(joint, "joint", 0, self.arm.n - 1)

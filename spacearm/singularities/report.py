@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.linalg import norm
 
-from spacearm.arrays import Array, Progress
-from spacearm.errors import ConfigurationError, listed
+from spacearm.arrays import Array, Progress, within
+from spacearm.errors import listed
 from spacearm.mechanics.distance import rank_distances_of, refined_at
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.model.arguments import BaseMode, impossible
@@ -315,8 +315,7 @@ def singularity(
         >>> report.kind, report.way_out
         ('dynamic', 'joint_2 +1°')
     """
-    if not 0.0 <= tolerance <= np.pi:
-        raise ConfigurationError(f"tolerance is {tolerance}; give an angle from 0 to pi [rad]")
+    tolerance = within(tolerance, "tolerance", 0.0, np.pi, "an angle [rad]")
     task = cfg.arm.task
     J = task_jacobian(cfg, mode=mode)
     k, n = J.shape

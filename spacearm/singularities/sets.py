@@ -23,18 +23,10 @@ from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle
 from spacearm.signatures import checked
+from spacearm.singularities import polynomials
 from spacearm.singularities.abstract_set import SingularSet, prove_clear, prove_free
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.nearest import NearestSingular, lose_rank, nearest_singular
-from spacearm.singularities.polynomials import (
-    MIMIC,
-    chart_of,
-    has_minors,
-    minors_of,
-    proving_minors,
-    singularity_polynomial,
-    to_square,
-)
 
 #: Starts after which a search ends, and how many more each one found is worth.
 FRUITLESS, EACH = 100, 20
@@ -68,11 +60,11 @@ class FoundSet(SingularSet):
     def _why(self) -> str:
         """Say why the set is not known as a whole."""
         if self.arm.coupling is not None:
-            return MIMIC
+            return polynomials.MIMIC
         k, n = self.arm.task.k, self.arm.n
         return (
             f"{n} joints for {k} task rows ({self.arm.task.names}): the minors of J* do not give "
-            f"the singular set joint by joint; {to_square(self.arm)}"
+            f"the singular set joint by joint; {polynomials.to_square(self.arm)}"
         )
 
     roots = solve = curves = surface = components = _unsupported
@@ -96,7 +88,7 @@ class FoundSet(SingularSet):
                 found, leads to a further one; carries those found.
         """
         m, rng = whole(m, "m", 0), rng or np.random.default_rng()
-        found, starts, chart = list[Array](), 0, chart_of(self.arm)
+        found, starts, chart = list[Array](), 0, polynomials.chart_of(self.arm)
         while len(found) < m:
             if starts >= FRUITLESS + EACH * len(found):
                 raise NoSolutionError(
@@ -140,11 +132,11 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
     k, n = arm.task.k, arm.n
     turns = not arm.slides.any() and arm.coupling is None
     if n == k and turns:
-        S = singularity_polynomial(arm, mode=mode)
+        S = polynomials.singularity_polynomial(arm, mode=mode)
         joint = min(reversed(range(n)), key=lambda j: S.degrees[j] or S.coefficients.size)
         return ExactSet(arm, mode, Triangle((S,), (joint,)), Chart.turning(n))
-    if has_minors(arm):
-        minors = minors_of(arm, mode)
+    if polynomials.has_minors(arm):
+        minors = polynomials.minors_of(arm, mode)
         if minors.triangle is not None:
             return ExactSet(arm, mode, minors.triangle, minors.chart, minors.sifted)
     return FoundSet(arm, mode)
@@ -170,8 +162,8 @@ def prove_regular(
     """
     require_possible(arm, mode)
     with suppress(UnsupportedError):
-        if arm.n > arm.task.k and has_minors(arm):
-            minors = minors_of(arm, mode)
+        if arm.n > arm.task.k and polynomials.has_minors(arm):
+            minors = polynomials.minors_of(arm, mode)
             if minors.few:
                 proof = prove_free(arm, mode, minors.few, q, limits=False, progress=progress)
                 if proof.free:
@@ -219,7 +211,7 @@ def nearest_on_way(
         return NearestSingular(arm, mode, q, False, q, 0.0, 0.0)
     minors: Sequence[Jets] = ()
     with suppress(UnsupportedError):  # all minors are rounding
-        minors = proving_minors(arm, mode) if proven else ()
+        minors = polynomials.proving_minors(arm, mode) if proven else ()
     with suppress(NoSolutionError):
         return nearest_singular(arm, mode, way, minors=minors, progress=progress)
     return None

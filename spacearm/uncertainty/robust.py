@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, ArrayLike, Progress, within_100
+from spacearm.arrays import Array, ArrayLike, Progress, counted, within
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
 from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import Configuration, SpaceArm
@@ -79,7 +79,7 @@ class DistanceRange(Result):
         Raises:
             ConfigurationError: The share is not from 0 to 100.
         """
-        shares = within_100(share, "share")
+        shares = within(share, "share", 0.0, 100.0)
         return float(np.percentile(self.distances[: self.random], shares))
 
     not_checked = "joint limits of the singular postures, collisions"
@@ -199,12 +199,8 @@ def distance_range(
     total = len(shares) + more * (2 * len(uncertain.parameters) + 1)
 
     def found_of(some: Array, done: int) -> Array:
-        values = []
-        for i, t in enumerate(some):
-            values.append(_found(uncertain.realise(t), q))
-            if progress:
-                progress(done + i + 1, total)
-        return np.array(values)
+        tell = progress and (lambda i, _: progress(done + i, total))
+        return np.array([_found(uncertain.realise(t), q) for t in counted(some, tell)])
 
     found = found_of(shares, 0)
     for _ in range(more):  # corners were not tried: towards a nearer one, each parameter by itself
@@ -428,11 +424,8 @@ def shell_bands(
         2
     """
     shares = uncertain.tried(samples, seed, MOST_CORNERS_OF_SHELLS)
-    found = []
-    for arm in (uncertain.arm, *map(uncertain.realise, shares)):
-        found.append(workspace(arm).pdw)
-        if progress:
-            progress(len(found), 1 + len(shares))
+    arms = [uncertain.arm, *map(uncertain.realise, shares)]
+    found = [workspace(arm).pdw for arm in counted(arms, progress)]
     numbers = {len(pdw) for pdw in found}
     bounds: Any = np.array(found) if len(numbers) == 1 else np.zeros((1, 0, 2))
     low, high = np.stack((bounds.min(axis=0), bounds.max(axis=0)), axis=2).swapaxes(0, 1)

@@ -15,7 +15,7 @@ from spacearm.arrays import Array
 from spacearm.closure.holding import Held
 from spacearm.closure.target_plans import TargetPlan
 from spacearm.collisions.obstacles import Obstacle
-from spacearm.errors import ConfigurationError, SpaceArmError, unknown
+from spacearm.errors import ConfigurationError, SpaceArmError, require_known
 from spacearm.mission.attitudes import feasible_attitudes
 from spacearm.model.arm import Configuration
 from spacearm.planning.planner import plan
@@ -192,8 +192,8 @@ def layer(stage: Stage, what: object, path: object) -> tuple[str, Callable[..., 
         ConfigurationError: It cannot be computed for what is on show.
     """
     session = stage.session
-    if not isinstance(what, str) or what not in COMPUTED:
-        raise ConfigurationError(unknown("layer to compute", str(what)[:40], COMPUTED))
+    what = str(what)[:40]
+    require_known("layer to compute", what, COMPUTED)
     if what in FLOATING and session.spacecraft != "free-floating":
         raise ConfigurationError(f"{FLOATING[what]} for floating spacecraft; choose that mode")
     if what == "shells":
@@ -216,8 +216,7 @@ def _start_and_path(stage: Stage, path: object) -> tuple[Configuration, list[pin
         poses = [pin.XYZQUATToSE3(row) for row in motion.tip[rows]]
         corners = [_from(com, pose) for com, pose in zip(motion.com[rows], poses, strict=True)]
         return _at_rest(motion[0]), corners
-    if path != "goal":
-        raise ConfigurationError(unknown("path of the tip", str(path)[:40], ("goal", "motion")))
+    require_known("path of the tip", str(path)[:40], ("goal", "motion"))
     cfg, goal = stage.session.cfg, _goal(stage)
     return _at_rest(cfg), [_from(cfg.com, cfg.tip), _from(cfg.com, goal)]
 

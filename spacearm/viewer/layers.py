@@ -16,7 +16,6 @@ from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.solids import corners
 from spacearm.description.bodies import Inertial
 from spacearm.description.shapes import faces
-from spacearm.mission.attitude_search import ENDS
 from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.mission.catch_report import Catch
 from spacearm.model.arm import Configuration, SpaceArm
@@ -455,7 +454,7 @@ class AttitudeLayer:
         mesh = g.TriangularMeshGeometry(OUTER * self._size * vertices, faces, painted)
         self._node["sphere"].set_object(mesh, shapes.film(0.9))
         words = "spacecraft's z axis: 0 to 100 % of the rolls about it feasible"
-        return [Key.scale("attitudes", (0.0, 1.0), f"{words}; {_summary(found)}")]
+        return [Key.scale("attitudes", (0.0, 1.0), f"{words}; {_words(found)}")]
 
     def _ring(self, found: FeasibleAttitudes, intervals: Array) -> list[Key]:
         normal = int(found.axis or 0)
@@ -470,11 +469,16 @@ class AttitudeLayer:
                     vertices, faces = sector(low, high, axes)
                     mesh = g.TriangularMeshGeometry(self._size * vertices, faces)
                     self._node[name][str(i)].set_object(mesh, shapes.film(0.75, color))
-        words = ", ".join(f"{a:.2f}° to {b:.2f}°" for a, b in np.degrees(intervals))
         return [
-            Key.of("attitudes", BLUE, f"feasible: {words or 'none'}; {_summary(found)}"),
+            Key.of("attitudes", BLUE, f"feasible: {_words(found)}"),
             Key.of("attitudes", VERMILION, "spacecraft attitudes not feasible"),
         ]
+
+
+def _words(found: FeasibleAttitudes) -> str:
+    """Return what a key says of all attitudes."""
+    said = found.describe()
+    return "; ".join((said.verdict, *said.notes, f"margin {np.degrees(found.margin):.3g}°"))
 
 
 def _around(arm: SpaceArm) -> float:
@@ -519,17 +523,3 @@ def sector(low: float, high: float, axes: Array) -> tuple[Array, Integers]:
     angle = np.linspace(low, high, max(int(np.ceil((high - low) / FINEST)), 1) + 1)
     line = np.column_stack((np.cos(angle), np.sin(angle))) @ axes
     return np.concatenate((INNER * line, OUTER * line)), shapes.strips(2, len(line), closed=False)
-
-
-def _summary(found: FeasibleAttitudes) -> str:
-    """Say how many attitudes are feasible, or why none is."""
-    unit = "m" if min(found.arm.task.indices) < 3 else "rad"
-    margin = f"{np.degrees(found.margin):.3g}°"
-    momentum = "with momentum" if found.momentum.any() else "at zero momentum"
-    path = f"the path of {found.length:.3g} {unit} {momentum}, {margin} or more from singular"
-    if found.ball is None:
-        kinds, counts = np.unique(found.ended, return_counts=True)
-        ends = ", ".join(f"{ENDS[k]} {c}" for k, c in zip(kinds, counts, strict=True))
-        return f"no start follows {path} postures ({ends})"
-    ball = f"; largest ball ±{np.degrees(found.ball.radius):.3g}°" if found.axis is None else ""
-    return f"{100.0 * found.share:.3g} % of all starts follow {path} postures{ball}"

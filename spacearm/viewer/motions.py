@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Integers
 from spacearm.equations.servo import Frame
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.errors import UnsupportedError, require_known
 from spacearm.mechanics.floating import move, placed
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
@@ -76,10 +76,8 @@ def mode_named(value: object, what: str = "mode") -> BaseMode:
     Raises:
         ConfigurationError: There is none of that name; calls it by `what`.
     """
-    mode = next((mode for mode in WORDS if mode == value), None)
-    if mode is None:
-        raise ConfigurationError(unknown(what, str(value)[:40], WORDS))
-    return mode
+    require_known(what, str(value)[:40], WORDS)
+    return next(mode for mode in WORDS if mode == str(value))
 
 
 def moved(cfg: Configuration, q: Array, mode: BaseMode) -> Configuration:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import NO_NUMBERS, ArrayLike, Progress, named, whole
+from spacearm.arrays import NO_NUMBERS, ArrayLike, Progress, counted, named, whole
 from spacearm.errors import ConfigurationError, UnsupportedError, require_known, unknown
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -205,7 +205,7 @@ def workspaces(
     designs = list(product(*map(range, shape)))
     vary(arm, {name: values[0] for name, values in axes.items()})  # checks the names
     try:
-        for count, at in enumerate(designs, start=1):
+        for at in counted(designs, progress):
             values = {name: float(axes[name][i]) for name, i in zip(axes, at, strict=True)}
             varied = vary(arm, values)
             found = shell_measures(varied, mode=mode, limits=limits, **options)
@@ -217,8 +217,6 @@ def workspaces(
                 risk[at] = profile.share
                 near[at] = profile.overall, profile.overall_error
             done[at] = True
-            if progress:
-                progress(count, len(designs))
     except KeyboardInterrupt:
         pass
     most = max((len(r) for r in radii.values()), default=0)

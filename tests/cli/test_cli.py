@@ -140,7 +140,7 @@ def test_help_and_version():
         (("info", "planar2", "--joints", "hand"), "--joints: unknown movable joint 'hand'"),
         (("query", "planar2", "1", "2", "--task", "w"), "unknown task row 'w'"),
         (("query", "planar2", "1", "2", "--attitude", "1"), "--attitude"),
-        (("query", "planar2", "1", "2", "--attitude", "1", "nan", "0"), "three finite angles"),
+        (("query", "planar2", "1", "2", "--attitude", "1", "nan", "0"), "3 finite numbers"),
         (("query", "planar2", "1", "--lock", "joint_2"), "give JOINT=VALUE"),
         (("query", "planar2", "1", "--lock", "joint=1"), "--lock: unknown movable joint"),
         (("query", "planar2", "1", "--wheel", "joint"), "--wheel: unknown turning joint"),
