@@ -1,6 +1,6 @@
 """Worker processes of this machine, which call functions of this package.
 
-A process is told a function with its arguments, and answers with reports of progress and, at the
+A process gets a function with its arguments, and answers with reports of progress and, at the
 end, the result or the error, in pickles between this package's own processes. It is then told the
 next one. It ends at once when its input does, as when the main program is killed. Nothing of the
 main program runs in it, and nothing in the current folder is imported.
@@ -195,6 +195,6 @@ def answer(request: bytes, answers: BinaryIO) -> None:
         message = pickle.dumps(("done", result))
     except SpaceArmError as error:
         message = pickle.dumps(("failed", error))
-    except Exception as error:  # whatever it is, the main process is told and decides
+    except Exception as error:  # whatever it is, the main process decides
         message = pickle.dumps(("failed", WorkerError(f"{type(error).__name__}: {error}")))
     tell(message)

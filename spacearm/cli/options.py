@@ -100,7 +100,7 @@ NoLimits = Annotated[bool, typer.Option("--no-limits", help="Ignore joint limits
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON: SI units, radians.")]
 
 
-#: The options by which an answer is told, as parameters of a command.
+#: The options for printing and writing an answer, as parameters of a command.
 TOLD = {
     name: inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
     for name, kind, default in (
@@ -262,7 +262,7 @@ def _tree_of(model: str, alone: bool, options: dict[str, Any]) -> Tree:
 def on_a_model(command: Callable[..., T], *, named: bool = False) -> Callable[..., T]:
     """Give a command the argument MODEL and the options of `arm_from` in place of `arm`.
 
-    MODEL comes first and the options last, before --json. A command with a parameter `deg` is told
+    MODEL comes first and the options last, before --json. A command with a parameter `deg` gets
     whether angles are in degrees; one that is `named` takes a name of the arm.
     """
     own = dict(inspect.signature(documented(command)).parameters)
@@ -300,7 +300,7 @@ def answering(
 ) -> Callable[[Callable[..., Any]], Callable[..., int]]:
     """Give a command that returns its result, or an `Answer`, the options of `answer`.
 
-    It is told those that it declares itself.
+    Of these it receives those that it declares itself.
 
     Args:
         kind: As in `answer`; if empty there is no --output.

@@ -158,7 +158,7 @@ def kept(what: str, compute: Callable[[Callable[[float, float], None]], T]) -> t
 
     Args:
         what: What goes on; see `working`.
-        compute: Takes what is told of its progress, and raises `StoppedError` after Ctrl-C.
+        compute: Takes a function of progress to call, and raises `StoppedError` after Ctrl-C.
 
     Returns:
         The result, and the exit code.

@@ -143,7 +143,7 @@ class Carrying:
 
 #: In which poses of a target are given.
 Frame: TypeAlias = Literal["inertial", "spacecraft"]
-#: What is told of each row of a motion with a held target.
+#: What is reported of each row of a motion with a held target.
 HELD: Mapping[str, Quantity] = {
     "target": Quantity("m, quaternion xyzw", "pose"),
     "gap": Quantity("m"),
@@ -186,7 +186,7 @@ class FollowedTarget(following.Followed, kw_only=True):
 
 
 def gaps_table(motion: Any) -> Table:
-    """Return what is told of closure along the rows of a motion."""
+    """Return what is reported about closure along the rows of a motion."""
     facts: dict[str, Cell] = {
         "largest gap of a grasp": Measure(float(motion.gap.max()), "m", ".1e"),
         "and angle": Measure(float(motion.gap_angle.max()), "rad", ".1e"),

@@ -508,7 +508,7 @@ def _comment(arm: SpaceArm) -> str:
     return re.sub(r"[^ -~]|[*/\\?]", "_", text)
 
 
-# --- the servo as C: structs of what it is told, keeps, remembers and says, and a step ----------
+# --- the servo as C: structs of input, limits, memory and output, and a step ----------
 
 #: The structs by what their names end with.
 STRUCTS = {"seen": Seen, "limits": Limits, "memory": Memory, "tick": Tick}

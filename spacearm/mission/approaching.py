@@ -545,7 +545,7 @@ class Approach:
         return Wheels.free(end, self.constraints.wheels)
 
     def _borne(self, chase: Followed, wheels: Wheels) -> tuple[Followed, str]:
-        """Return the motion to contact with what wheels hold, which is told, too.
+        """Return the motion to contact with what wheels hold, and a report of that.
 
         Raises:
             NoSolutionError: They cannot hold it.

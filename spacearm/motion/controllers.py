@@ -66,7 +66,7 @@ class TipLaw(Law):
     that leaves an error.
 
     Attributes:
-        target: Where the tip shall be: a point for tasks of linear rows only, along the goal axes
+        target: Where the tip is to be: a point for tasks of linear rows only, along the goal axes
             (see `follow`), a pose, or a function of time that gives either.
         mode: Selects the Jacobian; see `generalized_jacobian`.
     """
@@ -120,8 +120,8 @@ class RateLaw(TipLaw):
     """Base of the laws that ask for joint rates.
 
     Attributes:
-        gain: Rate at which the error shall vanish [1/s], one number or one per task row.
-        servo: Rate at which the joints shall take up their rates [1/s].
+        gain: Rate at which the error is to vanish [1/s], one number or one per task row.
+        servo: Rate at which the joints take up their rates [1/s].
     """
 
     gain: ArrayLike = 1.0

@@ -29,7 +29,7 @@ MOST_STEPS = 200_000
 KEPT_STEPS = 5_000
 #: About so many configurations are computed for each motion.
 STEPS = 500
-#: Number of pieces of work between which progress is told.
+#: Number of pieces of work between reports of progress.
 PIECES = 16
 
 #: Points of a straight line.

@@ -146,8 +146,8 @@ class PlanRequest:
 
     Attributes:
         start: Where the plan begins, with the momentum on board and what the wheels hold of it.
-        goal: Where the tip or the joints shall come.
-        goals: Where several tips shall come, by their names, in place of `goal`.
+        goal: Where the tip or the joints are to arrive.
+        goals: Where several tips are to arrive, by their names, in place of `goal`.
         via: Goals on the way, of several tips by their names.
         final_attitude: Attitude of the spacecraft at the end, as for `plan`.
         final_twist: (k,) twist of the tip at the end in the task's rows, of several tips one after

@@ -349,7 +349,7 @@ def _tree(problem: Problem) -> Tree:
     """Return the search from the start.
 
     Raises:
-        NoSolutionError: The spacecraft shall end with a given attitude.
+        NoSolutionError: The attitude at the end is prescribed.
     """
     if problem.target.attitude is not None:
         raise NoSolutionError("straight pieces are led to no attitude of the spacecraft")

@@ -30,7 +30,7 @@ from spacearm.workspaces.path_dependent import Workspace
 
 #: Opacities of the postures that are drawn behind the tip path, from its start to its end.
 FADES = (0.15, 0.25, 0.35, 0.55)
-#: Largest distance of a singular posture found that is told apart [deg].
+#: Distance of a singular posture found beyond which curves are cut [deg].
 FAR = 45.0
 
 

@@ -111,7 +111,7 @@ MOST = 50_000
 #: segment.
 REFINEMENTS, CLOSE = 20, 1e-6
 
-#: Parts of a path in which progress is told.
+#: Parts of a path in which progress is reported.
 WHOLE = 1000
 
 Verdict = Literal["free", "singular", "undecided"]

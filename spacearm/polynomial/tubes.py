@@ -39,7 +39,7 @@ def of_spline(spline: PPoly, off: float) -> Array:
 
     Args:
         spline: The polynomials; knots in order.
-        off: How far control points shall be from the chords of their pieces, if 64 parts of each
+        off: How far control points may be from the chords of their pieces, if 64 parts of each
             polynomial do for that.
     """
     points = _bernstein(spline)

@@ -132,7 +132,7 @@ def watched(
 
 
 def _fault(arm: SpaceArm, state: JointState, why: str) -> Watched:
-    """Return what is to say of a message that makes no sense."""
+    """Return the fault that reports an invalid message."""
     none = np.full(arm.n, np.nan)
     return Watched(arm, state.t, state.q, math.inf, none, 0.0, math.inf, "fault", why)
 

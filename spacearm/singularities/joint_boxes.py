@@ -396,7 +396,7 @@ class Growth:
         rows: (m, n) configurations that it starts from.
         ends: (2, n) least and largest positions allowed.
         clearance: How far from the box singular configurations must be.
-        progress: What is told of the cells.
+        progress: Called with the progress on the cells.
         effort: How it grows, and how long.
     """
 

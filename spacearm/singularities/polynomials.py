@@ -250,7 +250,7 @@ def to_square(arm: SpaceArm) -> str:
 
 #: A sliding joint without limits is covered this far to both sides of zero [m].
 ANYWHERE = 1.0
-#: Random configurations at which minors that vanish everywhere are told from others.
+#: Random configurations that tell minors that vanish everywhere from others.
 PROBES = 256
 #: Highest degree looked for in one joint.
 HIGHEST = 12

@@ -65,7 +65,7 @@ class Panel(Protocol):
     window: Window
 
     def handle(self, message: object, client: object) -> dict[str, Any] | None:
-        """Do what a message of a client asks, and return what it is told besides.
+        """Do what a message of a client asks, and return what else it is sent.
 
         Raises:
             SpaceArmError: It cannot be done.

@@ -275,7 +275,7 @@ class Session:
         self.show(self.arm.at(self.cfg.q, base=pin.SE3(R, self.cfg.base.translation)))
 
     def _posture(self, message: dict[str, Any]) -> None:
-        """Show joint positions and a pose of the spacecraft as they are told, in any mode."""
+        """Show joint positions and a pose of the spacecraft as given, in any mode."""
         q = numbers(message.get("q"), self.arm.n, "q")
         self.show(self.arm.at(q, base=placement(message.get("base"), "base")))
 

@@ -390,7 +390,7 @@ class Viewer:
     # --- the panel (see server.Panel) -------------------------------------------------------
 
     def handle(self, message: object, client: object = None) -> dict[str, Any] | None:
-        """Do what a message of the page asks; return what the one who asked is told."""
+        """Do what a message of the page asks; return the answer to the sender."""
         asked = message if isinstance(message, dict) else {}
         with self._lock:
             stage = self._stage

@@ -35,7 +35,7 @@ CORRECTIONS = 8
 
 
 class Aim(NamedTuple):
-    """A tip and where it shall go.
+    """A tip and where it is to go.
 
     Attributes:
         start: Configuration at the start, of an arm with this tip alone.
@@ -84,7 +84,7 @@ class Resolved:
         Args:
             q: (n,) joint positions.
             T: (3, 3) attitude of the spacecraft.
-            share: How far along their lines the tips shall be.
+            share: How far along their lines the tips are to be.
         """
         left, slopes = [], []
         for start, goal in self.aims:
