@@ -50,7 +50,7 @@ class Held(Result):
     """A posture in which the tips of an arm hold one target or the fixed world, from `sa.hold`.
 
     Attributes:
-        configuration: The configuration. Its task has all rows, of planar arms those of the plane.
+        configuration: The configuration. Its task has all rows, for planar arms those of the plane.
         target: The target, at the pose in which it is held; None if the fixed world is held.
         grasps: Frame that each tip holds: pose in the target's frame, or in the inertial frame.
         gap: Largest distance of a tip from its grasp [m].

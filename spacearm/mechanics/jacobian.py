@@ -151,7 +151,7 @@ def generalized_jacobian(cfg: Configuration, *, mode: BaseMode = "free-floating"
             "fixed" (the earth-bound arm).
 
     Returns:
-        (6, n) J*, rows [linear [m/rad]; angular], inertial axes, for the tip frame's origin. Of
+        (6, n) J*, rows [linear [m/rad]; angular], inertial axes, for the tip frame's origin. For
         several tips (6 tips, n), stacked in the order of `arm.tips`.
 
     Raises:

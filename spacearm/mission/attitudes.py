@@ -331,8 +331,8 @@ def feasible_attitudes(
             is met.
         speed: Speed of the tip along the path [m/s], or [rad/s] in a mere turn.
         limits: Whether joint limits count.
-        samples: Number of attitudes tried at first: of planar arms 720 if None; of others at least
-            so many cells of equal volume, 72 times a power of 8, 4,608 if None.
+        samples: Number of attitudes tried at first. For planar arms 720 if None; for others at
+            least so many cells of equal volume, 72 times a power of 8, 4,608 if None.
         refine: How many times the cells at the border are divided into eight, for spatial arms.
         seed: Seed of the random postures.
         progress: Called as progress(done, total).

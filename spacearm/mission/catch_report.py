@@ -121,7 +121,7 @@ class Catch(Result, kw_only=True):
 
     @property
     def clearance(self) -> float:
-        """How far singular postures are [rad]: proven; of several hands to first order."""
+        """How far singular postures are [rad]: proven; with several hands to first order."""
         return self.distance_proven
 
     @property

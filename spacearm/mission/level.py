@@ -154,7 +154,7 @@ class LevelEnvelope(Result):
         tilt: (t,) largest turns of the spacecraft [rad].
         least: (b, t) how far the tip can go in the worst direction [m].
         mean: (b, t) how far it can go on average over all directions [m].
-        volume: (b, t) volume that straight lines reach [m^3]; of planar arms the area [m^2].
+        volume: (b, t) volume that straight lines reach [m^3]; for planar arms the area [m^2].
         travel: Length of the lines for the following [m].
         turn: (b,) median turn of the spacecraft by lines of this length in all directions [rad];
             NaN where none can be followed.

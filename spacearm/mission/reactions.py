@@ -268,11 +268,12 @@ class WheelSizing(Result):
     Attributes:
         arm: The arm.
         cases: "motions" or "postures".
-        tip_speed: Speed of the tip [m/s], or [rad/s] of a task without linear rows; NaN of motions.
+        tip_speed: Speed of the tip [m/s], or [rad/s] for a task without linear rows; NaN for
+            motions.
         axes: (m, 3) largest momentum about each axis of the spacecraft [N m s].
         momentum: (m,) largest momentum about any axis [N m s].
-        torque: (m, 3) largest torque about each axis [N m]; NaN of postures.
-        q: (m, n) the postures; of motions the posture with the largest momentum.
+        torque: (m, 3) largest torque about each axis [N m]; NaN for postures.
+        q: (m, n) the postures; for motions the posture with the largest momentum.
         left_out: Share of the postures drawn that were left out, being nearer to a singularity of
             the held arm than `near`: joint rates and momentum have no bound there.
         near: Distance to a singularity below which postures are left out [rad]; zero for motions.

@@ -492,7 +492,7 @@ class Configuration:
         com: (3,) system centre of mass in the inertial frame [m].
         A: (6, 6 + n) centroidal momentum matrix [A_b A_q], rows [linear; angular about the
             system CM], inertial axes.
-        J: (6, 6 + n) Jacobian [J_b J_q] of the tip, rows [linear; angular], inertial axes; of
+        J: (6, 6 + n) Jacobian [J_b J_q] of the tip, rows [linear; angular], inertial axes; for
             several tips (6 tips, 6 + n), stacked.
     """
 
@@ -583,7 +583,7 @@ class Configuration:
     def to_dict(self) -> dict[str, Any]:
         """Return the configuration as plain data; poses are x y z [m] and a quaternion xyzw.
 
-        Of several tips, `tip` has the poses of all.
+        With several tips, `tip` has the poses of all.
         """
         tips = [pin.SE3ToXYZQUAT(tip).tolist() for tip in self._tips]
         return {

@@ -139,8 +139,8 @@ def detumble(
 
     Args:
         start: Where it begins, with the momentum on board and what each wheel holds of it.
-        goal: A point in the task's linear rows [m], a pose, or `Joints`; of an arm with several
-            tips that of one of them, by its name.
+        goal: A point in the task's linear rows [m], a pose, or `Joints`; for an arm with several
+            tips the goal of one of them, by its name.
         final_attitude: Attitude at the end, as for `plan`; any if None.
         duration: When the motion ends [s]; if None about as soon as it can.
         origin: Where the inertial frame has its origin, as for `plan`.

@@ -130,7 +130,8 @@ class Certificate(Result):
         free: Whether no singular configuration lies on it: proven, rounding included.
         at: (n,) the first configuration on it that is not free; None if the path is free.
         segment: Number of the segment that holds it; None if the path is free.
-        margin: Least |S| met on the path, over the scale of S; of several minors the largest.
+        margin: Least |S| met on the path, over the scale of S; with several minors the largest of
+            these.
         verdict: "free"; "singular": S changes sign at `at`, proven; "undecided": at `at` S, or
             every minor, is less than its rounding error. On paths of some 10,000 rad it is also
             "undecided" if more than 50,000 pieces were still open.

@@ -351,8 +351,8 @@ def free_boxes(
 
     Args:
         arm: The arm.
-        within: (n,) least and (n,) largest positions; the joint limits if None. Of a turning joint
-            infinite ones mean that it turns without end.
+        within: (n,) least and (n,) largest positions; the joint limits if None. For a revolute
+            joint infinite ones mean that it turns without end.
         share: Share of the volume of the range to cover.
         most: Largest number of cells, halved ones too.
         so_far: Boxes to go on with; their range counts.

@@ -191,8 +191,8 @@ def identify(
     needed, but nothing may push from outside, and the wheels must keep what they hold.
 
     Args:
-        motion: What was measured: joint positions and poses of the spacecraft. Of a `Flight` what
-            follows the last grasp.
+        motion: What was measured: joint positions and poses of the spacecraft. From a `Flight` it
+            uses what follows the last grasp.
         arm: The arm as it is known, without the body; that of the motion if None, of a flight
             that of its first phase.
         dq: (m, n) measured joint rates [rad/s] or [m/s]; those of the motion if None.

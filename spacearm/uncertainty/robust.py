@@ -246,7 +246,7 @@ def is_free_for_all(
 
     The momenta seen from the tip are enclosed for pieces of the path and all values at once; pieces
     that are not proven are halved, along the path or along a parameter
-    (`spacearm.singularities.regularity`). Any number of parameters will do. Of arms with as many
+    (`spacearm.singularities.regularity`). Any number of parameters will do. For arms with as many
     joints as task rows, values for which the path is singular are found by the sign of det(J*).
 
     Numbers of the last link and of what it holds are left out where the task is the full pose: the

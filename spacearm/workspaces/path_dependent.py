@@ -247,7 +247,7 @@ class Workspace(Result):
 
     @property
     def fraction(self) -> float:
-        """Share of the reachable workspace that is path independent; 0 or 1 of a mere sphere."""
+        """Path independent share of the reachable workspace; 0 or 1 if this is a mere sphere."""
         volumes = self.volumes
         if volumes["reachable"] == 0.0:
             return float(not len(self.pdw))
