@@ -390,7 +390,9 @@ class ShellBands(Result):
         }
         return Description(
             title=f"path dependent workspace of {self.tried:,} arms",
-            verdict=f"{number} shells" if number else "shells of different number",
+            verdict=f"{number} shell{'s' * (number != 1)}"
+            if number
+            else "shells of different number",
             notes=["Arms that were not tried may have shells outside these bands."],
             tables=[Table.by_columns(bands)],
         )
