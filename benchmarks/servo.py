@@ -1,25 +1,27 @@
 """Random teleoperation by three servos: how near the singular set they come, and what they do.
 
-    python benchmarks/servo.py [RUNS] [ARM...]
+    python benchmarks/servo.py [RUNS] [ARM...] [--dt SECONDS]
     python benchmarks/servo.py times [ARM...]
 
-Each run is 60 s of smooth random twists in steps of 10 ms, from a random posture more than 15
-degrees away from the set. All three scale their rates to the same limits.
+Each run is 60 s of smooth random twists in steps of 10 ms, or as `--dt` says, from a random posture
+more than 15 degrees away from the set. All three scale their rates to the same limits.
 
 - servo: `sa.Servo`, with stop 5 and slow 15 degrees, limits of acceleration 2 rad/s^2.
 - damped: damped least squares, `sa.DampedLeastSquares` with its own threshold and damping.
 - halting: the twist is slowed from a condition number of 17 on and halts at 30, unless it falls.
 
 Printed of each arm: the share of the commanded motion that is done; the nearest that any run comes
-to the set, at any step, by a search that knows nothing of the servo; of the servo also whether any
-limit was exceeded, in which share of the steps that are told to be farther away than `slow` the
-direction was off by more than a degree, and in which of those from which the search finds none so
-near, told or not, and how much too far it tells the nearest singular posture to be at most, where
-one is nearer than `slow`, and in 95 of 100 places anywhere. The other two fly the first eight of
-the runs; there `NearestSearch` looks each second, too, for what the servo tells.
+to the set, at any step and every 20 ms, by a search that knows nothing of the servo; of the servo
+also whether any limit was exceeded; in which share of the steps that are told to be farther away
+than `slow` the tip's motion, in the middle of the step, was off course by more than a degree, and
+in which of those from which no singular posture is found so near, told or not; and how much too far
+it tells the nearest singular posture to be at most, where one is nearer than `slow`, and in 95 of
+100 places anywhere. The other two fly the first eight of the runs; there `NearestSearch` looks each
+second, too, for what the servo tells.
 
 The search along the runs: five times a second from random starts within 15 degrees, by Barzilai and
-Borwein's steps, then from each step along the set from what was found beside it.
+Borwein's steps, then from each step along the set from what was found beside it; and, where nothing
+was found within `slow` and the direction was off, from the posture that the servo told.
 
 `times` prints the processor time of a step of one run on one core, the least and the median, in
 Python and in the C of `sa.to_c` (gcc -O2), and the most operations that a step in C may take.
@@ -50,11 +52,13 @@ from spacearm.singularities.nearest import NearestSearch
 
 ARMS = ("planar2", "planar3", "mda6", "ssrms", "chaser7", "cubesat_xarm")
 DT, SECONDS = 0.01, 60.0
-LOOKS, REACH, STARTS, ON = 20, np.radians(15.0), 8, 1e-3
-"""Steps between two searches, how far [rad] and from how many places they start, ways at rest."""
+LOOK, REACH, STARTS, ON = 0.2, np.radians(15.0), 8, 1e-3
+"""Time between two searches [s], how far [rad] and from how many places, ways at rest."""
 RATE, ACCELERATION, WISHED = 0.5, 2.0, 0.1
 OTHERS, TOGETHER = 8, 250
 """Runs of the other two, and those that fly side by side."""
+PART = 0.02
+"""Longest time between two postures that are searched from [s]."""
 SLOWED, HALTED = 17.0, 30.0
 DAMPED = sa.DampedLeastSquares(target=(0.0,))
 DRIVER = """
@@ -113,13 +117,13 @@ class Led:
 
     def step(
         self, Q: np.ndarray, twist: np.ndarray, memory: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rates (m, n), distances told (m,) and memories of the next step."""
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Ticks (m, ...): rates, distances told, and the postures there; memories of the next."""
         m, n = Q.shape
         parts = (np.tile([0.0, 0, 0, 1], (m, 1)), twist, np.full((m, 1), DT), np.zeros((m, 6)))
         found = self.kernel({"given": np.concatenate((Q, *parts, memory), axis=1)}, self.limits)
         size = ticks.size(Tick, n, len(self.servo.arm.tips))
-        return found[:, :n], found[:, n], found[:, size:]
+        return found[:, :size], found[:, size:]
 
     def starts(self, m: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
         """Random postures (m, n) more than 15 degrees away from the set, and the memories there."""
@@ -130,27 +134,26 @@ class Led:
             memory = np.array([ticks.packed(ticks.unknowing(arm.n, q)) for q in Q])
             rest = np.zeros((2 * m, 6 * len(arm.tips)))
             for _ in range(ticks.SEARCH + 1):
-                _, far, memory = self.step(Q, rest, memory)
-            known += [(Q[i], memory[i]) for i in np.flatnonzero(far > np.radians(15.0))]
+                tick, memory = self.step(Q, rest, memory)
+            far = np.flatnonzero(tick[:, arm.n] > np.radians(15.0))
+            known += [(Q[i], memory[i]) for i in far]
         Q, memory = zip(*known[:m], strict=True)
         return np.array(Q), np.array(memory)
 
     def fly(
         self, Q: np.ndarray, memory: np.ndarray, twists: np.ndarray
     ) -> tuple[Flight, float, np.ndarray, np.ndarray]:
-        """Fly: the flight, the largest excess, where it is off course, and distances told."""
-        arm, flight, last, excess, off, told = (
-            self.servo.arm,
-            Flight(self.servo.arm, Q),
-            0.0 * Q,
-            0.0,
-            [],
-            [],
-        )
+        """Fly: the flight, the largest excess, where it is off course, and what is told.
+
+        Of each step and run that is how far the nearest posture is, and where.
+        """
+        arm, flight = self.servo.arm, Flight(self.servo.arm, Q)
+        last, excess, off, told = 0.0 * Q, 0.0, [], []
         for twist in twists:
-            dq, distance, memory = self.step(flight.Q, twist, memory)
-            told.append(distance)
-            J, v = tasks(arm, flight.Q, twist)
+            tick, memory = self.step(flight.Q, twist, memory)
+            dq = tick[:, : arm.n]
+            told.append(tick[:, arm.n : 2 * arm.n + 1].copy())
+            J, v = tasks(arm, flight.Q + 0.5 * DT * dq, twist)
             moved = (J @ dq[..., None])[..., 0]
             speed = np.linalg.norm(moved, axis=1)
             straight = np.cos(np.radians(1.0)) * speed * np.linalg.norm(v, axis=1)
@@ -191,8 +194,14 @@ class Flight:
         """Take a step with task Jacobians (m, k, n), wishes (m, k) and rates (m, n)."""
         self.done += (v * (J @ dq[..., None])[..., 0]).sum()
         self.asked += (v * v).sum()
-        self.Q = self.Q + DT * dq
-        self.seen.append(self.Q)
+        parts, begun = self.parts(), self.Q
+        self.Q = begun + DT * dq
+        self.seen += [begun + i / parts * DT * dq for i in range(1, parts)] + [self.Q]
+
+    @staticmethod
+    def parts() -> int:
+        """In how many parts a step is searched from."""
+        return max(1, round(DT / PART))
 
     def distances(self) -> np.ndarray:
         """How far the set is that is found from each posture (steps, m) [rad]."""
@@ -202,14 +211,15 @@ class Flight:
 def near(arm: sa.SpaceArm, Q: np.ndarray) -> np.ndarray:
     """How far singular postures are that are found about the postures of a run (m, n) [rad]."""
     rng, (m, n) = np.random.default_rng(0), Q.shape
-    looks = Q[::LOOKS]
+    every = round(LOOK / DT) * Flight.parts()
+    looks = Q[::every]
     X = rng.normal(size=(len(looks), STARTS, n))
     X *= REACH / np.linalg.norm(X, axis=2, keepdims=True)
     X *= rng.uniform(size=(*X.shape[:2], 1)) ** (1.0 / n)
     X[:, 0] = 0.0
     X, far = along(arm, looks.repeat(STARTS, axis=0), X.reshape(-1, n), 16)
     best = np.arange(len(looks)), far.reshape(-1, STARTS).argmin(axis=1)
-    beside = np.minimum((np.arange(m) + LOOKS // 2) // LOOKS, len(looks) - 1)
+    beside = np.minimum((np.arange(m) + every // 2) // every, len(looks) - 1)
     points = looks / joint_scales(arm) + X.reshape(-1, STARTS, n)[best]
     return along(arm, Q, points[beside] - Q / joint_scales(arm), 3)[1]
 
@@ -275,15 +285,21 @@ def batch(name: str, first: int, runs: int) -> tuple[np.ndarray, np.ndarray, lis
     led = Led(arm)
     Q, memory = led.starts(m, first)
     twists = wishes(arm, Q, first)
-    flight, excess, off, told = led.fly(Q, memory, twists)
-    distance, slow = flight.distances()[:-1], led.servo.limits.slow
+    flight, excess, off, nearest = led.fly(Q, memory, twists)
+    parts, slow, told = flight.parts(), led.servo.limits.slow, nearest[..., 0]
+    found = flight.distances()
+    distance, closest = found[:-1:parts], found.min()
+    i, j = np.nonzero(off & (distance > slow) & (told < slow))
+    at = np.array(flight.seen[:-1:parts])[i, j]
+    beside = along(arm, at, (nearest[i, j, 1:] - at) / joint_scales(arm), 16)[1]
+    distance[i, j] = np.minimum(distance[i, j], beside)
     late = (np.minimum(told, np.pi) - np.where(distance < slow, distance, np.pi)).max()
     others = []
     if first == 0:
         apart = np.abs(led.one_by_one(Q[0], memory[0], twists[:, 0]) - flight.Q[0]).max()
         assert apart < 1e-9, f"{name}: {apart:g} rad off Servo.step"
         over = [
-            told[i, j] - min(distance[i, j], searched(arm, flight.seen[i][j]))
+            told[i, j] - min(distance[i, j], searched(arm, flight.seen[parts * i][j]))
             for i in range(0, len(twists), round(1.0 / DT))
             for j in range(min(m, OTHERS))
         ]
@@ -291,7 +307,7 @@ def batch(name: str, first: int, runs: int) -> tuple[np.ndarray, np.ndarray, lis
         for halts in (False, True):
             other = rival(arm, Q[:OTHERS], twists[:, :OTHERS], halts)
             others += [other.done / other.asked, float(np.degrees(other.distances().min()))]
-    most = [-np.degrees(distance.min()), excess, np.degrees(late)]
+    most = [-np.degrees(closest), excess, np.degrees(late)]
     steps = [
         part for far in (told > slow, distance > slow) for part in ((off & far).sum(), far.sum())
     ]
@@ -335,6 +351,9 @@ if __name__ == "__main__":
         for name in sys.argv[2:] or ARMS:
             times(name)
         sys.exit()
+    if "--dt" in sys.argv:
+        DT = float(sys.argv.pop())
+        sys.argv.pop()
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     print(
         f"{'':14}{'servo':>6}{'nearest':>9}{'excess':>8}{'off':>9}{'':>9}{'too far':>8}{'':>7}"

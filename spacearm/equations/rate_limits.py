@@ -4,7 +4,7 @@ The rates y of a servo are scaled so that they, the accelerations and the moment
 up keep their limits, so that the direction turns no faster than the accelerations allow, and so
 that an arm that brakes from now on, as its wish turns on, stays within its limits of position and
 farther than `stop` from the singular postures that are followed; see `equations.servo`, whose
-`Limits`, `Memory` and `Followed` these functions take. Angles count in radians of each joint.
+`Limits`, `Memory` and `Known` these functions take. Angles count in radians of each joint.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ AHEAD = 0.5
 NEWTON = 4
 #: Share of `stop` beyond it before which an arm can stop; longest way of the arm in a tick, on
 #: which no posture is lost [rad].
-MARGIN, LONGEST_WAY = 0.02, 0.02
+MARGIN, LONGEST_WAY = 0.02, 0.16
 #: Larger numbers are faults.
 LARGEST = 1e9
 
@@ -42,10 +42,14 @@ def turning(xp: Any, y: Any, last: Any, memory: Any, limits: Any) -> tuple[Any, 
     return at_most(xp, extreme(xp.maximum, most), TURNING), turn
 
 
-def slowest(xp: Any, y: Any, turned: Any, limits: Any) -> tuple[Any, Any]:
-    """Return the share of y that the rates leave, and that which the wheels leave of that."""
+def slowest(xp: Any, y: Any, moments: list[Any], limits: Any) -> tuple[Any, Any]:
+    """Return the share of y that the rates leave, and that which the wheels leave of that.
+
+    The moments (3, n) take y to the momentum of the arm at some places of its way.
+    """
     rate = at_most(xp, extreme(xp.maximum, xp.absolute(y) / limits.rate), 1.0)
-    return rate, at_most(xp, norm(xp, turned @ y) * rate, limits.wheels)
+    most = extreme(xp.maximum, [norm(xp, moment @ y) for moment in moments])
+    return rate, at_most(xp, most * rate, limits.wheels)
 
 
 def shares_left(

@@ -13,6 +13,9 @@ so that an arm that brakes from now on, as its wish turns on, stays within its l
 and beyond `stop`. A change of direction that the accelerations do not allow is mixed
 with braking instead. Braking is always allowed by what held a tick before.
 
+The rates hold until the next tick. So J* and the axes of the twist are those in the middle of the
+way on which they lead, guessed from the last rates and, if that was far off, from those found.
+
 The distance is that to singular postures that are followed from tick to tick: three, the nearest
 that are known, and six scouts that set out from the arm's posture and at random, and take the place
 of the farthest, or of one close by, when they come to rest nearer. So each of them is found, and
@@ -22,7 +25,8 @@ followed as it is. Each goes towards the point nearest to the arm's posture on t
 itself: by a whole step of Newton's method to the set, and along it by a share. Where the set bends
 more than the sphere about the posture, whole steps would lead ever farther away; the share is that
 by which the last two ways along the set would have become least: Barzilai & Borwein, IMA J. Numer.
-Anal. 8(1), 141-148 (1988), DOI 10.1093/imanum/8.1.141. All angles x count in radians of each joint;
+Anal. 8(1), 141-148 (1988), DOI 10.1093/imanum/8.1.141. After a long way, or a long tick, they take
+a step for each part of the arm's way. All angles x count in radians of each joint;
 see `model.joints.joint_scales`.
 """
 
@@ -43,11 +47,12 @@ from spacearm.equations.kinematics import (
     posture,
     task_jacobian_at,
 )
-from spacearm.equations.laws import attitude
+from spacearm.equations.laws import attitude, quaternion_rate
 from spacearm.equations.linear_algebra import bidiagonal, least_with_vectors, solve
 from spacearm.equations.measures import distance
 from spacearm.equations.rate_limits import (
     LARGEST,
+    LONGEST_WAY,
     TURNING,
     accelerated,
     at_most,
@@ -67,7 +72,13 @@ SLOTS = KEPT + SCOUTS
 PATIENCE, SEARCH = 24, 80
 #: Residual beyond which a posture is not on the set, way below which a scout is at rest and one
 #: that is followed, distance below which two are one, longest step [rad].
-LOST, AT_REST, SETTLED, APART, STRIDE = 0.1, 0.02, 0.045, 0.02, 0.4
+LOST, AT_REST, SETTLED, APART, STRIDE = 0.02, 0.02, 0.045, 0.02, 0.4
+#: In how many parts at most the arm's last way is searched, and how long one is [rad], [s].
+LOOKS, LOOK, LASTS = 8, 0.02, 0.0125
+#: How often at most the way to come is guessed, and how far off its end may be [rad].
+GUESSES, AIM = 3, 1e-3
+#: What of the memory the search changes.
+SEARCHED = ("points", "ways", "shares", "ages", "count")
 #: How many times the arm's last way a posture at rest may lag behind.
 LAG = 1.0
 #: Share of the way along the set that the first step takes, and the least; square of the changes of
@@ -227,6 +238,20 @@ class Followed(NamedTuple):
     slide: Any
 
 
+class Known(NamedTuple):
+    """A posture on the set that is kept off.
+
+    Attributes:
+        offset: (n,) of it from the arm's posture [rad].
+        far: Distance.
+        normal: (n,) of the set linearised there.
+    """
+
+    offset: Any
+    far: Any
+    normal: Any
+
+
 @lru_cache
 def shapes(kind: Any, n: int, tips: int) -> dict[str, tuple[int, ...]]:
     """Return the shapes of the fields of `Seen`, `Limits`, `Memory` or `Tick`."""
@@ -327,59 +352,104 @@ def step(
     quaternion = xp.where(sound[1], quaternion, np.array([0.0, 0.0, 0.0, 1.0]))
     twist, momentum = xp.where(small[2], twist, 0.0), xp.where(small[3], momentum, 0.0)
 
-    at, x = posture(xp, tree, p, q), q / radians
-    R = attitude(xp, quaternion)
-    J = task_jacobian_at(xp, tree, at) * radians
-    least = least_with_vectors(xp, J)
+    x = q / radians
     fresh = xp.logical_or(jumps, xp.logical_not(began))
-    count = xp.where(fresh, 0.0, memory.count + 1.0)
-    follow = _follower(xp, tree, p, x, limits.fading, radians)
-    known, after = _follow(xp, follow, x, memory, fresh, count, limits)
-    searching = count < SEARCH
+    known, after = _searched(xp, tree, p, x, memory, fresh, limits)
+    searching = after.count < SEARCH
     halt = xp.where(halt > 0.0, halt, xp.where(jumps, 6.0, xp.where(searching, 7.0, 0.0)))
 
-    known.append(_released(xp, known[0], x, memory, fresh, tick, limits))
+    known.append(_released(xp, x, memory, fresh, tick, limits))
     far, offset, normal = _nearest(xp, known)
     size = norm(xp, offset)
     held = xp.where(far < limits.slow, x + offset * (far / xp.where(size > 0.0, size, 1.0)), FREE)
     away = -offset * (1.0 / xp.where(xp.logical_and(far > 0.0, far < np.inf), far, 1.0))
     away = xp.where(far > 0.0, away, normal)
-    turns = _axes(frame, R, at, len(tree.tips))
-    wished = _turned(xp, turns, twist) - _drift(xp, tree, at, R, momentum)
-    v = tree.scale[:, 0] * wished[np.array(tree.rows)]
-    y, slowed = _resolved(xp, J, least, v, far, away, limits)
-    if keep_attitude:
-        y = y + _levelling(xp, least.null, connection_at(xp, tree, at) * radians, y)
-    elif least.null:
-        y = y + _raising(xp, least.null, y, far, away, limits)
-    asked = y
-    for _ in range(2):
-        for one in known:
-            y = _held_off(xp, y, one, limits)
-    turned = at.P[:, 3:].T @ tree.gains * radians
-    slower, turn = turning(xp, y, last, memory, limits)
-    rate, wheels = slowest(xp, slower * y, turned, limits)
-    left = slower * rate * wheels
 
-    def allowed(y: Any, turn: Any, braking: float) -> Any:
-        return shares_left(xp, y, turn, x, known, tick, braking, limits)
+    level, moment = attitude(xp, quaternion), tree.gains * radians
+    turned = posture(xp, tree, p, q).P[:, 3:].T @ moment
 
-    shares = allowed(left * y, left * turn, 1.0 - TURNING)
-    scaled = y * (left * xp.minimum(*shares))
-    brake, by, goes = accelerated(xp, scaled, last, tick, limits)
-    whole = [*slowest(xp, goes, turned, limits), *allowed(goes, 0.0 * y, 1.0)]
-    mixed = xp.where(extreme(xp.minimum, whole) >= 1.0 - 1e-9, goes, brake)
-    rates = xp.where(halt > 0.0, brake, mixed)
-    kept = _share(xp, (asked * y).sum(), (asked * asked).sum())
-    done = _share(xp, (v * (J @ rates)).sum(), (v * v).sum())
-    told = [slowed, xp.minimum(kept, 1.0), rate, wheels, *shares, slower * by]
-    lost = _lost(xp, tree, turns, xp.where(least.v @ away > 0.0, -least.u, least.u))
+    def move(guess: Any, *_found: Any) -> tuple[Any, ...]:
+        """Return the rates that do the twist in the middle of the way that rates as guessed go."""
+        half = 0.5 * tick * at_most(xp, norm(xp, guess) * tick, LONGEST_WAY)
+        at = posture(xp, tree, p, q + half * radians * guess)
+        own = _own_twist(xp, tree, at, level, momentum)
+        w = connection_at(xp, tree, at) @ (radians * guess) + own[3:]
+        R = attitude(xp, quaternion + half * quaternion_rate(xp, quaternion, w))
+        J = task_jacobian_at(xp, tree, at) * radians
+        least = least_with_vectors(xp, J)
+        turns = _axes(frame, R, at, len(tree.tips))
+        wished = _turned(xp, turns, twist) - _drift(xp, tree, at, R, momentum)
+        v = tree.scale[:, 0] * wished[np.array(tree.rows)]
+        y, slowed = _resolved(xp, J, least, v, far, away, limits)
+        if keep_attitude:
+            y = y + _levelling(xp, least.null, connection_at(xp, tree, at) * radians, y)
+        elif least.null:
+            y = y + _raising(xp, least.null, y, far, away, limits)
+        asked = y
+        for _ in range(2):
+            for one in known:
+                y = _held_off(xp, y, one, limits)
+        then = at.P[:, 3:].T @ moment
+        moments = [turned, then, 2.0 * then - turned]  # at the beginning, in the middle, at the end
+        slower, turn = turning(xp, y, last, memory, limits)
+        rate, wheels = slowest(xp, slower * y, moments, limits)
+        left = slower * rate * wheels
+
+        def allowed(y: Any, turn: Any, braking: float) -> Any:
+            return shares_left(xp, y, turn, x, known, tick, braking, limits)
+
+        shares = allowed(left * y, left * turn, 1.0 - TURNING)
+        scaled = y * (left * xp.minimum(*shares))
+        brake, by, goes = accelerated(xp, scaled, last, tick, limits)
+        whole = [*slowest(xp, goes, moments, limits), *allowed(goes, 0.0 * y, 1.0)]
+        mixed = xp.where(extreme(xp.minimum, whole) >= 1.0 - 1e-9, goes, brake)
+        rates = xp.where(halt > 0.0, brake, mixed)
+        kept = _share(xp, (asked * y).sum(), (asked * asked).sum())
+        done = _share(xp, (v * (J @ rates)).sum(), (v * v).sum())
+        told = xp.stack([slowed, xp.minimum(kept, 1.0), rate, wheels, *shares, slower * by])
+        lost = _lost(xp, tree, turns, xp.where(least.v @ away > 0.0, -least.u, least.u))
+        return rates, y, turn, told, lost, done, norm(xp, rates - guess) * tick > AIM
+
+    zero = 0.0 * x
+    start = last, zero, zero, np.zeros(len(CAUSES)), np.zeros(len(seen.twist)), 0.0
+    rates, y, turn, told, lost, done = xp.while_any(move, *start, most=GUESSES)
     tick_ = Tick(
         radians * rates, far, radians * (x + offset), radians * away, lost, -(away @ rates), done,
-        xp.stack(told), halt,
+        told, halt,
     )  # fmt: skip
     mine = {"rates": tick_.rates, "wished": radians * y, "turn": radians * turn, "held": held}
     return tick_, after._replace(**mine, q=q, dt=tick)
+
+
+def _searched(
+    xp: Any, tree: Structure, p: Parameters, x: Any, memory: Memory, fresh: Any, limits: Limits
+) -> tuple[list[Known], Memory]:
+    """Follow and search in parts of the way since the last tick; return what is known at its end.
+
+    Long ways have more parts, and those that took long.
+    """
+    begun = memory.q / limits.radians
+    often = xp.minimum(at_most(xp, _distance(xp, x, begun), LOOK), at_most(xp, memory.dt, LASTS))
+    part = xp.where(fresh, 1.0, xp.maximum(often, 1.0 / LOOKS))
+
+    def look(gone: Any, q: Any, *state: Any) -> tuple[Any, ...]:
+        left = 1.0 - gone - part
+        at = x - xp.where(left > 1e-9, left, 0.0) * (x - begun)
+        then = memory._replace(q=q, **dict(zip(SEARCHED, state, strict=False)))
+        count = xp.where(fresh, 0.0, then.count + 1.0)
+        follow = _follower(xp, tree, p, at, limits.fading, limits.radians)
+        known, now = _follow(xp, follow, at, then, fresh, count, limits)
+        kept = (getattr(now, name) for name in SEARCHED)
+        found = (xp.stack(of) for of in zip(*known, strict=True))
+        return gone + part, limits.radians * at, *kept, *found, left > 1e-9
+
+    every = np.zeros((KEPT, len(x)))
+    state = [getattr(memory, name) for name in SEARCHED]
+    _, _, *state = xp.while_any(
+        look, 0.0, memory.q, *state, every, np.zeros(KEPT), every, most=LOOKS
+    )
+    after = memory._replace(**dict(zip(SEARCHED, state, strict=False)))
+    return [Known(*(of[j] for of in state[len(SEARCHED) :])) for j in range(KEPT)], after
 
 
 def _follower(xp: Any, tree: Structure, p: Parameters, x: Any, fading: Any, radians: Any) -> Any:
@@ -422,11 +492,11 @@ def _follow(
     fresh: Any,
     count: Any,
     limits: Limits,
-) -> tuple[list[Followed], Memory]:
+) -> tuple[list[Known], Memory]:
     """Take a step with all postures that are followed; scouts set out, or take a place.
 
     Returns:
-        Those that are followed, `far` their distance; the memory with all of them.
+        Those that are followed; the memory with all of them.
     """
     found = [follow(memory.points[i], memory.ways[i], memory.shares[i]) for i in range(SLOTS)]
     ages = [xp.where(fresh, 1.0 + PATIENCE, memory.ages[i]) for i in range(SLOTS)]
@@ -477,7 +547,7 @@ def _follow(
         there = sizes[j] < np.inf
         whole = found[j].offset
         offset = xp.where(there, at_most(xp, norm(xp, whole), sizes[j]) * whole, 0.0)
-        known.append(found[j]._replace(offset=offset, far=xp.where(there, sizes[j], np.inf)))
+        known.append(Known(offset, xp.where(there, sizes[j], np.inf), found[j].normal))
         ages[j] = xp.where(there, 0.0, 1.0 + PATIENCE)
         lost = found[j]._replace(point=x)
         found[j] = _either(xp, found[j].far < np.inf, found[j], lost)
@@ -488,9 +558,9 @@ def _follow(
     return known, after._replace(ages=xp.stack(ages), count=count)
 
 
-def _either(xp: Any, mask: Any, one: Followed, other: Followed) -> Followed:
-    """Return one where the mask holds, else the other."""
-    return Followed(*(xp.where(mask, a, b) for a, b in zip(one, other, strict=True)))
+def _either(xp: Any, mask: Any, one: Any, other: Any) -> Any:
+    """Return one tuple where the mask holds, else the other."""
+    return type(one)(*(xp.where(mask, a, b) for a, b in zip(one, other, strict=True)))
 
 
 def _size(xp: Any, one: Followed, age: Any, still: Any) -> Any:
@@ -527,9 +597,7 @@ def _rest(xp: Any, x: Any, size: float) -> Any:
     return x - size * xp.floor(x / size)
 
 
-def _released(
-    xp: Any, like: Followed, x: Any, memory: Memory, fresh: Any, tick: Any, limits: Limits
-) -> Followed:
+def _released(xp: Any, x: Any, memory: Memory, fresh: Any, tick: Any, limits: Limits) -> Known:
     """Return the nearest posture of the last tick as far as it may have gone, if within `slow`.
 
     So none that is followed no more is let go faster than `slow` is approached.
@@ -539,10 +607,10 @@ def _released(
     far = size + limits.slow / limits.tau * tick
     there = xp.logical_and(xp.logical_not(fresh), xp.logical_and(size > 0.0, far < limits.slow))
     offset = xp.where(there, way * (far / xp.where(there, size, 1.0)), 0.0)
-    return like._replace(offset=offset, far=xp.where(there, far, np.inf))
+    return Known(offset, xp.where(there, far, np.inf), 0.0 * x)
 
 
-def _nearest(xp: Any, known: list[Followed]) -> tuple[Any, Any, Any]:
+def _nearest(xp: Any, known: list[Known]) -> tuple[Any, Any, Any]:
     """Return distance, offset and normal of the nearest posture that is followed."""
     nearest = known[0]
     for one in known[1:]:
@@ -566,11 +634,16 @@ def _turned(xp: Any, turns: list[Any], twist: Any) -> Any:
 
 def _drift(xp: Any, tree: Structure, at: Posture, R: Any, momentum: Any) -> Any:
     """Return the twists (6 tips,) of tips that are held still, by the momentum."""
-    h = xp.concatenate([R.T @ momentum[:3], R.T @ momentum[3:]])
-    own = base_twist(xp, tree, at, h[:, None])[:, 0]
+    own = _own_twist(xp, tree, at, R, momentum)
     return xp.concatenate([
         part for r in at.tip_positions for part in (own[:3] + xp.cross(own[3:], r), own[3:])
     ])  # fmt: skip
+
+
+def _own_twist(xp: Any, tree: Structure, at: Posture, R: Any, momentum: Any) -> Any:
+    """Return the twist (6,) of the spacecraft by the momentum."""
+    h = xp.concatenate([R.T @ momentum[:3], R.T @ momentum[3:]])
+    return base_twist(xp, tree, at, h[:, None])[:, 0]
 
 
 def _lost(xp: Any, tree: Structure, turns: list[Any], u: Any) -> Any:
@@ -619,7 +692,7 @@ def _raising(xp: Any, null: list[Any], y: Any, far: Any, away: Any, limits: Limi
     return xp.minimum(rate, norm(xp, y)) * way
 
 
-def _held_off(xp: Any, y: Any, one: Followed, limits: Limits) -> Any:
+def _held_off(xp: Any, y: Any, one: Known, limits: Limits) -> Any:
     """Return y without what leads too fast towards a posture on the set."""
     known = xp.logical_and(one.far > 0.0, one.far < limits.slow)
     away = -one.offset / xp.where(known, one.far, 1.0)

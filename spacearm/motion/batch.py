@@ -431,7 +431,7 @@ class Outside:
             given, out = self._view(values, self.given[name]), self._view(results, 1 + count)
             run = int(runs[lane])
             out[0] = 1.0
-            if self.interrupted:
+            if self.interrupted or not np.isfinite(given).all():  # what an error before has left
                 return
             try:
                 out[1:] = np.ravel(self.functions[run][name](float(given[0]), given[1:]))

@@ -99,10 +99,10 @@ def test_what_momentum_does_to_the_tip_is_made_up_for():
     servo = sa.Servo(arm, rates=10.0)
     q = away_from_the_set(servo, 4)
     cfg = arm.at(q, base=sa.pose(rpy=(0.0, 0.0, -0.3)), momentum=[3, -2, 0, 0, 0, -5])
-    rates = servo.step(cfg, [0.02, -0.01], DT).rates
+    rates = servo.step(cfg, [0.02, -0.01], 1e-4).rates
     drift = cfg.J[:, :6] @ np.linalg.solve(cfg.A[:, :6], cfg.momentum)
     tip = sa.generalized_jacobian(cfg) @ rates + drift
-    np.testing.assert_allclose(tip[:2], [0.02, -0.01], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(tip[:2], [0.02, -0.01], rtol=0, atol=2e-5)
 
 
 @pytest.mark.parametrize(
@@ -210,7 +210,26 @@ def test_fast_motions_in_ticks_of_any_length_do_not_fall_below_stop(name, longes
         told.append(found[:, arm.n])
     flown = np.array(told)[ticks.SEARCH :]
     flown = flown[:, flown[0] > servo.limits.slow]
-    assert (flown.min(axis=0) < 0.99 * STOP).mean() < 0.04
+    assert (flown.min(axis=0) < 0.99 * STOP).mean() < 0.03
+
+
+def test_in_long_ticks_the_tip_goes_where_it_is_sent_while_the_spacecraft_turns():
+    """The way of the tip in inertial axes, the rates held through each tick."""
+    arm, dt, wished = sa.load("planar2"), 0.1, np.array([0.3, 0.2])
+    servo = sa.Servo(arm, rates=1.0, accelerations=2.0)
+    q, yaw, cosines, ways = away_from_the_set(servo, 3, least=30.0), 0.4, [], []
+    for _ in range(12):
+        rates = servo.step((q, sa.pose(rpy=(0.0, 0.0, yaw))), wished, dt).rates
+        went = np.zeros(2)
+        for _ in range(10):
+            q = q + 0.05 * dt * rates
+            cfg = arm.at(q, base=sa.pose(rpy=(0.0, 0.0, yaw)))
+            went = went + (sa.generalized_jacobian(cfg) @ rates)[:2]
+            yaw, q = yaw + 0.1 * dt * sa.base_velocity(cfg, rates)[5], q + 0.05 * dt * rates
+        cosines.append(went @ wished / np.linalg.norm(went) / np.linalg.norm(wished))
+        ways.append(np.linalg.norm(rates) * dt)
+    assert max(ways) > 0.04
+    assert min(cosines) >= np.cos(np.radians(0.15))
 
 
 @SLOW
@@ -328,10 +347,11 @@ def test_wheels_take_up_no_more_than_their_budget():
     arm = sa.load("planar2")
     servo = sa.Servo(arm, mode="attitude-controlled", wheels=0.5, rates=1.0)
     q = away_from_the_set(servo, 10)
-    step = servo.step((q, LEVEL), [0.5, 0.4], DT)
-    held = np.linalg.norm(arm.at(q).A[3:, 6:] @ step.rates)
+    step = servo.step((q, LEVEL), [0.5, 0.4], 0.1)
+    way = [arm.at(q + 0.1 * share * step.rates).A[3:, 6:] for share in np.linspace(0.0, 1.0, 9)]
+    held = np.linalg.norm(way @ step.rates, axis=1).max()
     assert "wheels" in step.slowed
-    np.testing.assert_allclose(held, 0.5, rtol=1e-9, atol=0)
+    np.testing.assert_allclose(held, 0.5, rtol=1e-3, atol=0)
 
 
 NAN = np.full(2, np.nan)
