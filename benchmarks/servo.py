@@ -1,7 +1,7 @@
 """Random teleoperation by three servos: how near the singular set they come, and what they do.
 
     python benchmarks/servo.py [RUNS] [ARM...] [--dt SECONDS]
-    python benchmarks/servo.py times [ARM...]
+    python benchmarks/servo.py times [ARM...] [--dt SECONDS]
 
 Each run is 60 s of smooth random twists in steps of 10 ms, or as `--dt` says, from a random posture
 more than 15 degrees away from the set. All three scale their rates to the same limits.
@@ -345,15 +345,15 @@ def times(name: str) -> None:
 
 
 if __name__ == "__main__":
+    if "--dt" in sys.argv:
+        DT = float(sys.argv.pop())
+        sys.argv.pop()
     if sys.argv[1:2] == ["times"]:
         print(f"{'us':14}{'joints':>6}{'Python':>10}{'median':>10}{'C':>10}{'median':>10}"
               f"{'operations':>12}")  # fmt: skip
         for name in sys.argv[2:] or ARMS:
             times(name)
         sys.exit()
-    if "--dt" in sys.argv:
-        DT = float(sys.argv.pop())
-        sys.argv.pop()
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     print(
         f"{'':14}{'servo':>6}{'nearest':>9}{'excess':>8}{'off':>9}{'':>9}{'too far':>8}{'':>7}"

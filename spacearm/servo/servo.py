@@ -135,9 +135,10 @@ class Servo:
     Far from the set the rates are J*^+ v, with J* in the middle of the way that they lead until the
     next step. Nearer than `slow` only the direction that is being lost is slowed. The distance to
     the set then falls ever more slowly, so that `stop` is not passed; motions along the set and
-    away from it stay free. Redundant arms raise the distance by their null space. Joint limits, rates and accelerations are kept by scaling, which keeps the
-    direction, so that the arm can always brake before a limit. Whatever the input, no step exceeds
-    them: invalid input brings the arm to rest, and the step says why.
+    away from it stay free. Redundant arms raise the distance by their null space. Joint limits,
+    rates and accelerations are kept by scaling, which keeps the direction, so that the arm can
+    always brake before a limit. Whatever the input, no step exceeds them: invalid input brings the
+    arm to rest, and the step says why.
 
     The distance is that to the nearest of the singular postures that the servo has found and
     follows from step to step. `start` searches for them as `SingularSet.nearest` does, and each
