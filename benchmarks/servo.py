@@ -211,7 +211,7 @@ class Flight:
 def near(arm: sa.SpaceArm, Q: np.ndarray) -> np.ndarray:
     """How far singular postures are that are found about the postures of a run (m, n) [rad]."""
     rng, (m, n) = np.random.default_rng(0), Q.shape
-    every = round(LOOK / DT) * Flight.parts()
+    every = max(1, round(LOOK * Flight.parts() / DT))
     looks = Q[::every]
     X = rng.normal(size=(len(looks), STARTS, n))
     X *= REACH / np.linalg.norm(X, axis=2, keepdims=True)

@@ -24,8 +24,28 @@ NEWTON = 4
 #: Share of `stop` beyond it before which an arm can stop; longest way of the arm in a tick, on
 #: which no posture is lost [rad].
 MARGIN, LONGEST_WAY = 0.02, 0.16
+#: Share of `stop` beyond it where rates towards the set end.
+EDGE = 0.04
+#: Share of the rates that leads out within that edge.
+OUTWARD = 0.1
 #: Larger numbers are faults.
 LARGEST = 1e9
+
+
+def nearness(xp: Any, far: Any, limits: Any) -> Any:
+    """Return x: 0 up to `stop`, 1 from `slow` on."""
+    return xp.minimum(xp.maximum((far - limits.stop) / (limits.slow - limits.stop), 0.0), 1.0)
+
+
+def held_off(xp: Any, y: Any, one: Any, limits: Any) -> Any:
+    """Return y without what leads too fast towards a posture on the set."""
+    known = xp.logical_and(one.far > 0.0, one.far < limits.slow)
+    away = -one.offset / xp.where(known, one.far, 1.0)
+    room, x = one.far - (1.0 + EDGE) * limits.stop, nearness(xp, one.far, limits)
+    most = room / (limits.tau * xp.where(known, 1.0 - x, 1.0))
+    most = xp.maximum(most, -OUTWARD * norm(xp, y))
+    over = -(away @ y) - most
+    return xp.where(xp.logical_and(known, over > 0.0), y + over * away, y)
 
 
 def turning(xp: Any, y: Any, last: Any, memory: Any, limits: Any) -> tuple[Any, Any]:

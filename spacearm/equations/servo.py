@@ -57,6 +57,8 @@ from spacearm.equations.rate_limits import (
     accelerated,
     at_most,
     extreme,
+    held_off,
+    nearness,
     norm,
     shares_left,
     slowest,
@@ -90,10 +92,6 @@ NEARER, DOUBTED = 0.99, 3.0
 #: Scouts set out within this times the distance, `stop` or `slow` if that is more, and no farther
 #: than that [rad].
 BEYOND, WITHIN = 1.2, 1.5
-#: Share of `stop` beyond it where rates towards the set end.
-EDGE = 0.04
-#: Share of the rates that leads out within that edge.
-OUTWARD = 0.1
 #: Share of the norm of J* up to which its least singular value is zero.
 NO_INVERSE = 1e-9
 #: Damping of motions in the null space that keep the attitude, as a share of the trace.
@@ -388,7 +386,7 @@ def step(
         asked = y
         for _ in range(2):
             for one in known:
-                y = _held_off(xp, y, one, limits)
+                y = held_off(xp, y, one, limits)
         then = at.P[:, 3:].T @ moment
         moments = [turned, then, 2.0 * then - turned]  # at the beginning, in the middle, at the end
         slower, turn = turning(xp, y, last, memory, limits)
@@ -656,11 +654,6 @@ def _lost(xp: Any, tree: Structure, turns: list[Any], u: Any) -> Any:
     return found / norm(xp, found)
 
 
-def _nearness(xp: Any, far: Any, limits: Limits) -> Any:
-    """Return x: 0 up to `stop`, 1 from `slow` on."""
-    return xp.minimum(xp.maximum((far - limits.stop) / (limits.slow - limits.stop), 0.0), 1.0)
-
-
 def _resolved(
     xp: Any, J: Any, least: Any, v: Any, far: Any, away: Any, limits: Limits
 ) -> tuple[Any, Any]:
@@ -670,7 +663,7 @@ def _resolved(
     rest = bidiagonal(xp, J).solution(xp, v - along * least.u, np.zeros(J.shape[1] - len(v)))
     y = rest - (least.v @ rest) * least.v
     own = along / xp.where(regular, least.sigma, 1.0) * least.v
-    share = xp.where(away @ own > 0.0, 1.0, _nearness(xp, far, limits))
+    share = xp.where(away @ own > 0.0, 1.0, nearness(xp, far, limits))
     return xp.where(regular, y + share * own, 0.0), xp.where(regular, share, 0.0)
 
 
@@ -690,17 +683,6 @@ def _raising(xp: Any, null: list[Any], y: Any, far: Any, away: Any, limits: Limi
     way = (N @ away) @ N
     rate = xp.where(far < limits.slow, (limits.slow - far) / limits.tau, 0.0)
     return xp.minimum(rate, norm(xp, y)) * way
-
-
-def _held_off(xp: Any, y: Any, one: Known, limits: Limits) -> Any:
-    """Return y without what leads too fast towards a posture on the set."""
-    known = xp.logical_and(one.far > 0.0, one.far < limits.slow)
-    away = -one.offset / xp.where(known, one.far, 1.0)
-    room, x = one.far - (1.0 + EDGE) * limits.stop, _nearness(xp, one.far, limits)
-    most = room / (limits.tau * xp.where(known, 1.0 - x, 1.0))
-    most = xp.maximum(most, -OUTWARD * norm(xp, y))
-    over = -(away @ y) - most
-    return xp.where(xp.logical_and(known, over > 0.0), y + over * away, y)
 
 
 def _distance(xp: Any, x: Any, y: Any) -> Any:
