@@ -15,7 +15,7 @@ from spacearm.cli import options as opt
 from spacearm.cli.output import Answer, err, kept, say_stopped, working
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.results import Column, Described, Description, Table
-from spacearm.workspaces.design import unit_of, workspaces
+from spacearm.workspaces.design import GOES_WITH, unit_of, workspaces
 from spacearm.workspaces.path_dependent import EFFORT
 
 #: Values of a range whose number is not given.
@@ -169,6 +169,11 @@ class Designs(Described):
         return Description(
             title=f"{found.attrs['arm']}, {found.attrs['base_mode']}",
             verdict=f"{len(rows)} of {found['done'].size} designs",
+            notes=[
+                f"{name}: {GOES_WITH[name.partition(':')[0]]}"
+                for name in self.grid
+                if name.partition(":")[0] in GOES_WITH
+            ],
             tables=(Table((*heads, *(head for _, head in shares), "path dependent [m]"), rows),),
         )
 

@@ -86,6 +86,12 @@ class ArmInfo(NamedTuple):
         return named(self)
 
 
+def source_of(name: str, path: Path) -> str:
+    """Return what `load` is given for a robot: its catalogue name, or its file's path."""
+    known = models_by_name().get(name)
+    return name if known and known.path == path else str(path)
+
+
 @checked
 def catalogue() -> tuple[ModelInfo, ...]:
     """Return the models that `load` knows by name.

@@ -18,6 +18,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from spacearm.arrays import Array, ArrayLike, Progress, counted
+from spacearm.description.model_catalogue import source_of
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.files import writable, write
 from spacearm.mechanics.batch import evaluate
@@ -171,7 +172,7 @@ def design_report(
     """
     arm.require_one_tip()
     writable(Path(path))
-    about = shlex.join(words if words is not None else [_name(arm)])
+    about = shlex.join(words if words is not None else [source_of(arm.name, arm.path)])
     q = _working_posture(arm) if q0 is None else joint_vector(arm, q0, "q0")
     parts: list[tuple[str, Callable[[Section], None]]] = [
         ("The arm", lambda s: _arm(s, arm, q, about)),
@@ -197,11 +198,6 @@ def design_report(
     line = f"spacearm {__version__}, {when}, computed in {took:.0f} s. Not checked: collisions."
     text = page(f"{arm.name}: design report", line, sections)
     return write(Path(path), text.encode())
-
-
-def _name(arm: SpaceArm) -> str:
-    """Return what a command line calls the arm."""
-    return arm.name if arm.path.stem == arm.name else str(arm.path)
 
 
 def _working_posture(arm: SpaceArm) -> Array:

@@ -13,13 +13,12 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.description.model_catalogue import catalogue
+from spacearm.description.model_catalogue import catalogue, source_of
 from spacearm.description.readers.source import ROBOTS
 from spacearm.errors import ConfigurationError, ModelError, SpaceArmError, require_known
 from spacearm.files import write
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.loading import load
-from spacearm.viewer.readouts import source_of
 
 T = TypeVar("T", str, list[str], dict[str, object])
 
@@ -86,7 +85,7 @@ class Origin(NamedTuple):
     @classmethod
     def of(cls, arm: SpaceArm) -> Origin:
         """Return the origin of an arm that was made in Python."""
-        source = source_of(arm)
+        source = source_of(arm.name, arm.path)
         return cls(source, arm, {}, changed=_is_changed(arm, source))
 
 
@@ -96,7 +95,8 @@ def _is_changed(arm: SpaceArm, source: str) -> bool:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            again = load(source, tip=tip, task=arm.task.names, joints=arm.joints)
+            wheels = [wheel.name for wheel in arm.wheels]
+            again = load(source, tip=tip, task=arm.task.names, joints=arm.joints, wheels=wheels)
     except SpaceArmError:
         return False
     if (again.joint_names, again.task) != (arm.joint_names, arm.task):

@@ -132,12 +132,6 @@ def pose(placement: pin.SE3) -> dict[str, list[float]]:
     return {"position": placement.translation.tolist(), "rpy": rpy.tolist()}
 
 
-def source_of(arm: SpaceArm) -> str:
-    """Return what `load` is given for an arm: its name in the catalogue, or its file."""
-    known = {info.name for info in catalogue()}
-    return arm.name if arm.name in known else str(arm.path)
-
-
 def as_python(cfg: Configuration, source: str, locked: Mapping[str, float], made: str) -> str:
     """Write a configuration as Python code.
 
@@ -154,12 +148,20 @@ def as_python(cfg: Configuration, source: str, locked: Mapping[str, float], made
     tip = arm.tips[0] if len(arm.tips) == 1 else list(arm.tips)
     more = f", joints={arm.joints!r}" if arm.joints != "tip" else ""
     more += f", locked={dict(locked)!r}" if locked else ""
+    limits = {wheel.name: (wheel.torque, wheel.capacity) for wheel in arm.wheels}
+    known_limits = np.isfinite([*limits.values()]).all()
+    more += f", wheels={limits if known_limits else list(limits)!r}" if limits else ""
+    moving = "".join(
+        f", {name}={values.tolist()!r}"
+        for name, values in (("momentum", cfg.momentum), ("wheels", cfg.wheels))
+        if values.any()
+    )
     return (
         "import numpy as np\nimport pinocchio as pin\nimport spacearm as sa\n\n"
         f"arm = sa.load({source!r}, tip={tip!r}, task={arm.task.names!r}{more})"
         f"{written}\n"
         f"base = pin.XYZQUATToSE3(np.array([{pose}]))\n"
-        f"cfg = arm.at({cfg.q.tolist()!r}, base=base)\n"
+        f"cfg = arm.at({cfg.q.tolist()!r}, base=base{moving})\n"
     )
 
 

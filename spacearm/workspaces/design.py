@@ -38,6 +38,15 @@ PARAMETERS = {
 }
 
 
+#: What goes with a parameter.
+GOES_WITH = {
+    "base_mass": "the inertia of the spacecraft is in proportion",
+    "base_inertia": "its mass stays",
+    "mass": "the inertia of the link is in proportion",
+    "length": "the link keeps its mass, its inertia goes with the square of the length",
+}
+
+
 def unit_of(parameter: str) -> str:
     """Return the unit of a design parameter."""
     kind, sign, _ = parameter.partition(":")

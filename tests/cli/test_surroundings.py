@@ -185,6 +185,7 @@ def test_a_design_that_was_stopped_is_not_done(tmp_path, monkeypatch):
     assert run.returncode == 130
     assert "stopped: 1 of 3 designs done; the results so far are kept" in run.stderr
     assert run.stdout.count("%") == 3  # path independent, near a singular posture, its error
+    assert "base_inertia: its mass stays" in run.stdout
 
 
 def test_a_plan_that_was_stopped_is_saved_as_far_as_it_came(tmp_path, monkeypatch):

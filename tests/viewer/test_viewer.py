@@ -24,7 +24,7 @@ import pytest
 import tornado.httpclient
 import tornado.websocket
 import umsgpack
-from helpers.arms import frame, joint, link, load_text, robot, two_links
+from helpers.arms import frame, joint, link, load_text, robot, two_links, with_wheels
 
 import spacearm as sa
 
@@ -825,6 +825,20 @@ def test_code_says_that_it_lacks_what_was_changed_in_python(changed):
     for one, is_said in ((arm, False), (arm.replace(**changed), True)):
         code = Session(one, one.at(np.full(one.n, 0.5))).readout()["python"]
         assert code.startswith("# without what was changed in Python") is is_said
+
+
+def test_code_brings_wheels_and_momentum_back(tmp_path):
+    path = tmp_path / "wheels.urdf"
+    path.write_text(with_wheels("planar2", [(0, 0, 1)], mark=""), encoding="utf-8")
+    arm = sa.load(path, wheels={"wheel_0": (0.3, 2.0)})
+    cfg = arm.at([0.3, 1.2], momentum=[0, 0, 0, 0, 0, 1.0], wheels=[0.5])
+    code, loaded = Session(arm, cfg).readout()["python"], {}
+    assert "without what" not in code
+    exec(code, loaded)
+    (wheel,) = loaded["arm"].wheels
+    assert (wheel.name, wheel.torque, wheel.capacity) == ("wheel_0", 0.3, 2.0)
+    np.testing.assert_array_equal(loaded["cfg"].momentum, cfg.momentum)
+    np.testing.assert_array_equal(loaded["cfg"].wheels, cfg.wheels)
 
 
 def test_what_an_address_has_brings_arm_and_posture_back(viewer):
