@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import NO_NUMBERS, Array, ArrayLike, plain, positive, shape_of
+from spacearm.arrays import NO_NUMBERS, Array, ArrayLike, Progress, plain, positive, shape_of
 from spacearm.equations import servo as ticks
 from spacearm.equations.servo import Frame, Limits, Memory, Seen, Tick, packed, unpacked
 from spacearm.errors import ConfigurationError, UnsupportedError, listed, require_known
@@ -267,7 +267,9 @@ class Servo:
             v = _numbers(twist, (6 * tips,), "twist")
         return Seen(q, turn, v, _numbers(dt, (), "dt"), momentum)
 
-    def start(self, posture: Posture, *, prove: bool = False) -> None:
+    def start(
+        self, posture: Posture, *, prove: bool = False, progress: Progress | None = None
+    ) -> None:
         """Begin at rest at a posture: search for the singular postures about it.
 
         Without it the first steps search, with the arm at rest.
@@ -276,6 +278,7 @@ class Servo:
             posture: A configuration, or (q, base).
             prove: Whether to prove a distance within which there is none, as `SingularSet.nearest`
                 does; this takes seconds.
+            progress: Called as progress(done, total) by that proof.
 
         Raises:
             ConfigurationError: The posture does not make sense.
@@ -292,8 +295,8 @@ class Servo:
         self.memory = self.memory._replace(count=float(ticks.SEARCH))
         self._anchor, self._radius = cfg.q / unit, 0.0
         if prove and len(found):
-            proven = singular_set(self.arm, mode=self.mode).nearest(cfg.q).distance_proven
-            self._radius = proven
+            all_of_it = singular_set(self.arm, mode=self.mode)
+            self._radius = all_of_it.nearest(cfg.q, progress=progress).distance_proven
 
     def step(self, posture: Posture, twist: ArrayLike, dt: float) -> ServoStep:
         """Return the joint rates of the next time step.

@@ -439,7 +439,9 @@ def test_without_a_start_it_searches_before_it_moves():
 def test_what_is_proven_falls_with_the_way():
     arm = sa.load("planar2")
     servo, cfg = sa.Servo(arm), sa.load("planar2").at([0.3, 1.2])
-    servo.start((cfg.q, LEVEL), prove=True)
+    told = []
+    servo.start((cfg.q, LEVEL), prove=True, progress=lambda done, of: told.append((done, of)))
+    assert told
     first = servo.step((cfg.q, LEVEL), np.zeros(6), DT)
     assert 0.98 * first.distance < first.distance_proven <= first.distance
     moved = servo.step((cfg.q + 0.004, LEVEL), np.zeros(6), DT)
