@@ -72,7 +72,7 @@ class Code:
         return memory
 
 
-def compared(code, flights, steps):
+def compared(code, flights, steps, tick=DT):
     """Fly with random twists and broken input now and then; compare each step, from one memory."""
     servo, rng, n, size = code.servo, np.random.default_rng(0), code.n, 6 * code.tips
     memory, q = [], rng.uniform(-2.0, 2.0, (flights, n))
@@ -86,7 +86,7 @@ def compared(code, flights, steps):
     turn /= np.linalg.norm(turn, axis=1, keepdims=True)
     A, P, halted = 0.2 * rng.normal(size=(flights, size)), rng.uniform(0, 6, (flights, 1)), 0
     for i in range(steps):
-        twist, dt, h = A * np.sin(0.02 * i + P), np.full((flights, 1), DT), np.zeros((flights, 6))
+        twist, dt, h = A * np.sin(0.02 * i + P), np.full((flights, 1), tick), np.zeros((flights, 6))
         seen = np.concatenate(Seen(q, turn, twist, dt, h), axis=1)
         broken = rng.random(flights) < 0.002
         column = rng.integers(0, seen.shape[1], flights)
@@ -98,7 +98,7 @@ def compared(code, flights, steps):
         halted += (wanted[:, code.tick - 1] > 0.0).sum()
         np.testing.assert_array_equal(found[:, code.tick - 1], wanted[:, code.tick - 1])
         np.testing.assert_allclose(found[:, :n], wanted[:, :n], rtol=0, atol=1e-9)
-        q, memory = q + DT * wanted[:, :n], wanted[:, code.tick :]
+        q, memory = q + tick * wanted[:, :n], wanted[:, code.tick :]
     assert halted > 0
     return wanted
 
@@ -119,7 +119,7 @@ def test_options_are_compiled_in(tmp_path):
     arm = sa.load("planar3")
     servo = sa.Servo(arm, rates=0.5, accelerations=1.0, mode="attitude-controlled", wheels=2.0,
                      frame="tip")  # fmt: skip
-    compared(Code(servo, tmp_path), 50, 100)
+    compared(Code(servo, tmp_path), 50, 100, tick=0.1)  # in which the search has many parts
 
 
 def test_a_servo_of_another_arm_is_refused(tmp_path):
