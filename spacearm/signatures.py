@@ -1,17 +1,25 @@
-"""Arguments of public functions, methods and constructors, checked against their annotations.
+"""Calls of public functions, methods and constructors: arguments checked, progress shown.
 
-One check for all kinds: what is of another kind, missing or unknown is named with what to give
-instead. Of arrays the shape is checked too, as the docstring states it; shapes and values of all
-else that NumPy makes numbers of are checked where they are used, by `arrays` and `model.joints`.
+One check against the annotations for all kinds: what is of another kind, missing or unknown is
+named with what to give instead. Of arrays the shape is checked too, as the docstring states it;
+shapes and values of all else that NumPy makes numbers of are checked where they are used, by
+`arrays` and `model.joints`.
+
+What takes over a second is shown on a terminal until it is done, with the share that is done where
+the function reports it. One thread looks now and then at the call that goes on. Nothing is shown
+where stderr is no terminal, in other threads and processes, and within a call that is shown.
 """
 
 from __future__ import annotations
 
 import inspect
 import math
+import multiprocessing
 import os
 import re
 import sys
+import threading
+import time
 import types
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -76,6 +84,10 @@ MOST_TRIED = 1000
 SHORT = (Real, complex, list, tuple, dict, set, np.ndarray, os.PathLike, types.NoneType)
 #: What hands on what its users gave.
 FRONT_ENDS = ("spacearm.cli", "spacearm.viewer", "spacearm.sweeps")
+#: What stands between a call and what makes it: `checked`, and constructors in `replace`.
+PASSING = (__name__, "dataclasses")
+#: Seconds until a call is shown, and between two looks.
+PATIENCE, LOOK = 1.0, 0.25
 
 
 class _Anything(type):
@@ -96,6 +108,95 @@ class Unseen(metaclass=_Anything):
 
 class Numbers:
     """Stands in annotations for all that NumPy makes numbers of: the union `npt.ArrayLike`."""
+
+
+class Call:
+    """A call that goes on.
+
+    Attributes:
+        name: Name of the function.
+        since: When it began, by the monotonic clock [s].
+        done: How much of it is done, and of how much; None of it if that is not known.
+        over: Set when it has ended.
+        gone: Set when its line is gone; None if there is no line.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name, self.since = name, time.monotonic()
+        self.done: tuple[float, float | None] = (0.0, None)
+        self.over = threading.Event()
+        self.gone: threading.Event | None = None
+
+    def tell(self, done: float, of: float | None = None, *_: object) -> None:
+        """Take how much is done."""
+        self.done = (done, of)
+
+
+class Watch:
+    """Looks at the call that goes on in the main thread."""
+
+    def __init__(self) -> None:
+        self.call: Call | None = None
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+
+    def idle(self) -> bool:
+        """Tell whether a call that begins now is to be shown."""
+        if self.call is not None or threading.current_thread() is not threading.main_thread():
+            return False
+        try:
+            terminal = sys.stderr.isatty()
+        except (AttributeError, ValueError):  # there is none, or it is closed
+            return False
+        return terminal and multiprocessing.parent_process() is None
+
+    def run(self, name: str, function: Callable[[Call], Any]) -> Any:
+        """Call a function with its call."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._look, daemon=True)
+            self._thread.start()
+        self.call = call = Call(name)
+        try:
+            return function(call)
+        finally:
+            with self._lock:
+                self.call = None
+            call.over.set()
+            if call.gone:
+                call.gone.wait(PATIENCE)
+
+    def _look(self) -> None:
+        while True:
+            time.sleep(LOOK)
+            with self._lock:
+                call = self.call
+                if call is None or time.monotonic() - call.since < PATIENCE:
+                    continue
+                call.gone = gone = threading.Event()
+            try:
+                _show(call)
+            finally:
+                gone.set()
+
+
+def _show(call: Call) -> None:
+    """Show a call in a line that is taken away when the call is over."""
+    line = ""
+    while not call.over.wait(LOOK):
+        done, of = call.done
+        share = f", {done / of:.0%}" if of else ""
+        _write(line, line := f"{call.name}: {time.monotonic() - call.since:.0f} s{share}")
+    _write(line, "")
+
+
+def _write(before: str, line: str) -> None:
+    """Write a line over the one before, and blanks over what is left of that."""
+    blank = " " * max(len(before) - len(line), 0)
+    sys.stderr.write(f"\r{line}{blank}" if line else f"\r{blank}\r")
+    sys.stderr.flush()
+
+
+WATCH = Watch()
 
 
 def checked(thing: F) -> F:
@@ -124,9 +225,10 @@ def _function(function: Callable[..., Any]) -> Any:
     def call(*args: Any, **kwargs: Any) -> Any:
         if args and function.__name__ in (own := getattr(args[0], "equations", {})):
             return own[function.__name__](*args[1:], **kwargs)  # of a configuration of symbols
-        if _by_a_user(sys._getframe(1)):
-            check(function, args, kwargs)
-        return function(*args, **kwargs)
+        if not (user := _user(sys._getframe(1))):
+            return function(*args, **kwargs)
+        check(function, args, kwargs)
+        return _watched(user, function, function, args, kwargs)
 
     return call
 
@@ -136,23 +238,44 @@ def _method(method: Callable[..., Any], thing: Callable[..., Any]) -> Callable[.
 
     @wraps(method)
     def call(self: Any, *args: Any, **kwargs: Any) -> Any:
-        if _by_a_user(sys._getframe(1)):
-            check(thing, args if isinstance(thing, type) else (self, *args), kwargs)
-        return method(self, *args, **kwargs)
+        if not (user := _user(sys._getframe(1))):
+            return method(self, *args, **kwargs)
+        check(thing, args if isinstance(thing, type) else (self, *args), kwargs)
+        return _watched(user, thing, method, (self, *args), kwargs)
 
     return call
 
 
-def _by_a_user(caller: types.FrameType | None) -> bool:
-    """Tell whether a call comes from outside this package, or hands on what does."""
+def _watched(
+    user: str,
+    thing: Callable[..., Any],
+    function: Callable[..., Any],
+    args: Sequence[Any],
+    kwargs: Mapping[str, Any],
+) -> Any:
+    """Call a function; a user sees on a terminal what takes long, front ends say it themselves."""
+    if user.startswith(FRONT_ENDS) or not WATCH.idle():
+        return function(*args, **kwargs)
+    name, parameters, _ = _parameters(thing)
+    told = parameters.get("progress")
+    reports = told and told.kind is told.KEYWORD_ONLY and kwargs.get("progress") is None
+
+    def done(call: Call) -> Any:
+        return function(*args, **{**kwargs, "progress": call.tell} if reports else kwargs)
+
+    return WATCH.run(name, done)
+
+
+def _user(caller: types.FrameType | None) -> str:
+    """Return the module outside this package, or the front end, that a call comes from, or ""."""
     while caller is not None:
-        name = caller.f_globals.get("__name__", "")
+        name = caller.f_globals.get("__name__") or "?"
         outside = not name.startswith("spacearm.") or name.startswith(FRONT_ENDS)
         options = caller.f_code.co_flags & inspect.CO_VARKEYWORDS  # which it may hand on
-        if name != "dataclasses" and (outside or not options):  # it calls constructors in `replace`
-            return outside
+        if name not in PASSING and (outside or not options):
+            return name if outside else ""
         caller = caller.f_back
-    return True
+    return "?"
 
 
 def check(thing: Callable[..., object], args: Sequence[object], kwargs: Mapping[str, Any]) -> None:

@@ -65,13 +65,13 @@ def test_far_from_the_set_the_rates_are_those_of_the_jacobian(name, mode):
     q = away_from_the_set(servo, 1)
     base = sa.pose((0.1, 0.2, 0.3), (0.0, 0.0, 0.4) if name == "planar2" else (0.3, -0.2, 0.4))
     twist = np.random.default_rng(2).normal(size=6) * 0.01
-    step = servo.step((q, base), twist, DT)
+    step = servo.step((q, base), twist, 1e-6)  # so short that J* stays as it is
     J = sa.generalized_jacobian(arm.at(q, base=base), mode=mode)
     rows = list(arm.task.indices)
     unit, scale = sa.singularity(arm.at(q)).radian, arm.task.scale
     wanted = unit * (np.linalg.pinv(scale * J[rows] * unit) @ (scale[:, 0] * twist[rows]))
     assert (step.slowed, step.halted) == ({}, "")
-    np.testing.assert_allclose(step.rates, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+    np.testing.assert_allclose(step.rates, wanted, rtol=0, atol=1e-6 * np.abs(wanted).max())
     assert abs(step.done - 1.0) < 1e-9
 
 
@@ -344,14 +344,20 @@ def test_a_second_arm_keeps_the_attitude():
 
 
 def test_wheels_take_up_no_more_than_their_budget():
-    arm = sa.load("planar2")
-    servo = sa.Servo(arm, mode="attitude-controlled", wheels=0.5, rates=1.0)
-    q = away_from_the_set(servo, 10)
+    arm, mode = sa.load("planar2"), "attitude-controlled"
+    free = sa.Servo(arm, mode=mode, rates=1.0)
+    q = away_from_the_set(free, 10)
+
+    def most(step):
+        way = [arm.at(q + 0.1 * share * step.rates).A[3:, 6:] for share in np.linspace(0.0, 1.0, 9)]
+        return np.linalg.norm(way @ step.rates, axis=1).max()
+
+    budget = 0.6 * most(free.step((q, LEVEL), [0.5, 0.4], 0.1))
+    servo = sa.Servo(arm, mode=mode, wheels=budget, rates=1.0)
+    servo.start((q, LEVEL))
     step = servo.step((q, LEVEL), [0.5, 0.4], 0.1)
-    way = [arm.at(q + 0.1 * share * step.rates).A[3:, 6:] for share in np.linspace(0.0, 1.0, 9)]
-    held = np.linalg.norm(way @ step.rates, axis=1).max()
     assert "wheels" in step.slowed
-    np.testing.assert_allclose(held, 0.5, rtol=1e-3, atol=0)
+    np.testing.assert_allclose(most(step), budget, rtol=1e-3, atol=0)
 
 
 NAN = np.full(2, np.nan)
