@@ -199,9 +199,15 @@ def call_site() -> tuple[str, int]:
     return frame.f_code.co_filename, line
 
 
-def called_from_outside(calls: int) -> bool:
-    """Tell whether what asks was called from outside this package, through so many calls."""
-    return not _is_ours(sys._getframe(1 + calls))
+def called_from_outside() -> bool:
+    """Tell whether the function that asks was called from outside this package."""
+    calls = (frame for frame, _ in walk_stack(sys._getframe(2)))
+    return not _is_ours(next(dropwhile(_only_checks, calls)))
+
+
+def _only_checks(frame: FrameType) -> bool:
+    """Tell whether a call stands between a user and what is called, as of `signatures`."""
+    return bool(frame.f_globals.get("__name__") == "spacearm.signatures")
 
 
 def _is_ours(frame: FrameType) -> bool:

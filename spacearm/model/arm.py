@@ -227,7 +227,7 @@ class SpaceArm(JointSpace, Described):
         """
         base = pin.SE3.Identity() if base is None else sound_pose(base, "base")
         cfg = kinematics(self, joint_vector(self, q, "q"), base)
-        if called_from_outside(2):
+        if called_from_outside():
             warn_outside(self, cfg.q)
         if momentum is not None:
             cfg = cfg.with_momentum(momentum)
