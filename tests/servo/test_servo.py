@@ -65,13 +65,13 @@ def test_far_from_the_set_the_rates_are_those_of_the_jacobian(name, mode):
     q = away_from_the_set(servo, 1)
     base = sa.pose((0.1, 0.2, 0.3), (0.0, 0.0, 0.4) if name == "planar2" else (0.3, -0.2, 0.4))
     twist = np.random.default_rng(2).normal(size=6) * 0.01
-    step = servo.step((q, base), twist, 1e-6)  # so short that J* stays as it is
+    step = servo.step((q, base), twist, 1e-5)  # so short that J* stays as it is
     J = sa.generalized_jacobian(arm.at(q, base=base), mode=mode)
     rows = list(arm.task.indices)
     unit, scale = sa.singularity(arm.at(q)).radian, arm.task.scale
     wanted = unit * (np.linalg.pinv(scale * J[rows] * unit) @ (scale[:, 0] * twist[rows]))
     assert (step.slowed, step.halted) == ({}, "")
-    np.testing.assert_allclose(step.rates, wanted, rtol=0, atol=1e-6 * np.abs(wanted).max())
+    np.testing.assert_allclose(step.rates, wanted, rtol=0, atol=1e-5 * np.abs(wanted).max())
     assert abs(step.done - 1.0) < 1e-9
 
 
@@ -97,12 +97,12 @@ def test_the_same_motion_in_each_frame():
 def test_what_momentum_does_to_the_tip_is_made_up_for():
     arm = sa.load("planar2")
     servo = sa.Servo(arm, rates=10.0)
-    q = away_from_the_set(servo, 4)
+    q = away_from_the_set(servo, 4, least=20.0)
     cfg = arm.at(q, base=sa.pose(rpy=(0.0, 0.0, -0.3)), momentum=[3, -2, 0, 0, 0, -5])
-    rates = servo.step(cfg, [0.02, -0.01], 1e-4).rates
+    rates = servo.step(cfg, [0.02, -0.01], 1e-5).rates  # so short that J* stays as it is
     drift = cfg.J[:, :6] @ np.linalg.solve(cfg.A[:, :6], cfg.momentum)
     tip = sa.generalized_jacobian(cfg) @ rates + drift
-    np.testing.assert_allclose(tip[:2], [0.02, -0.01], rtol=0, atol=2e-5)
+    np.testing.assert_allclose(tip[:2], [0.02, -0.01], rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -343,21 +343,22 @@ def test_a_second_arm_keeps_the_attitude():
     assert turned[1] < 0.02 * turned[0]
 
 
-def test_wheels_take_up_no_more_than_their_budget():
+@pytest.mark.parametrize(("dt", "over"), [(1e-5, 1e-5), (0.1, 1e-3)])
+def test_wheels_take_up_no_more_than_their_budget(dt, over):
     arm, mode = sa.load("planar2"), "attitude-controlled"
     free = sa.Servo(arm, mode=mode, rates=1.0)
     q = away_from_the_set(free, 10)
 
     def most(step):
-        way = [arm.at(q + 0.1 * share * step.rates).A[3:, 6:] for share in np.linspace(0.0, 1.0, 9)]
+        way = [arm.at(q + dt * share * step.rates).A[3:, 6:] for share in np.linspace(0.0, 1.0, 9)]
         return np.linalg.norm(way @ step.rates, axis=1).max()
 
-    budget = 0.6 * most(free.step((q, LEVEL), [0.5, 0.4], 0.1))
+    budget = 0.6 * most(free.step((q, LEVEL), [0.5, 0.4], dt))
     servo = sa.Servo(arm, mode=mode, wheels=budget, rates=1.0)
     servo.start((q, LEVEL))
-    step = servo.step((q, LEVEL), [0.5, 0.4], 0.1)
+    step = servo.step((q, LEVEL), [0.5, 0.4], dt)
     assert "wheels" in step.slowed
-    np.testing.assert_allclose(most(step), budget, rtol=1e-3, atol=0)
+    np.testing.assert_allclose(most(step), budget, rtol=over, atol=0)
 
 
 NAN = np.full(2, np.nan)
