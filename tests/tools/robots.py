@@ -85,22 +85,28 @@ PARTS = (
 """What is said of files that other files include."""
 HEAD = """# Robots tried
 
-Descriptions of robots from public repositories, each loaded and asked for a verdict as
-`spacearm query` gives it: at a posture three fifths of the way between the joint limits, at 0.5 rad
-or m where there are none. If a message asks for an option, the option is given, and the last column
-says so: a bus for an arm alone (its mass is not in the fifth column), the first of several tips,
-`check="warn"` for inertias that no rigid body has, `density=` if there are none.
+Each file below comes from a public repository or a package on PyPI. It was loaded, and one
+posture was queried as by `spacearm query`: each joint at three fifths of its range, or at 0.5
+rad or m if it has no limits. If a message asked for an option, the option was given, and the
+last column names it. The options are a bus for an arm without a spacecraft, the first of several
+possible tips, `check="warn"` for inertias that no rigid body can have, and `density=` for links
+without mass. The mass is that of the robot without such a bus.
 
-Printed by `python tests/tools/robots.py FOLDER ... --installed --count FOLDER ...`: copies of
-repositories, and packages from PyPI, of which some are counted only (PyBullet's without the
-thousand bodies of its `random_urdfs`).
+The tables were printed by `python tests/tools/robots.py FOLDER ... --installed --count FOLDER
+...`. Files of the folders after `--count` are counted in the second table, but not listed in the
+third. PyBullet's files were counted without the thousand bodies of its `random_urdfs`.
 """
 
 
 CATALOGUE = """
-Without a file, the catalogue has Canadarm2 (`spacearm info ssrms`), ETS-VII (`ets7`), a servicer
-of 1.6 t (`chaser7`), MDA's arm on one of 786 kg (`mda6`), TECSAS (`tecsas`) and VISPA on a CubeSat
-(`vispa_cubesat`), from published data; `spacearm models` names the sources."""
+The catalogue needs no file. From published data it has Canadarm2 (`spacearm info ssrms`),
+ETS-VII (`ets7`), a servicer of 1.6 t (`chaser7`), MDA's arm on a servicer of 786 kg (`mda6`),
+TECSAS (`tecsas`) and VISPA on a CubeSat (`vispa_cubesat`). `spacearm models` names the sources."""
+
+OUTCOMES = """\
+*Answered*: the file loaded, and its verdict stands in the next table. *Part of another file*: a
+file includes it. *Refused*: an error says why, as the next table quotes.
+"""
 
 
 class Row(NamedTuple):
@@ -173,7 +179,7 @@ def row(path: Path, robot: str, bus: sa.Bus, options: dict) -> Row:
     verdict += f" ({', '.join(said)})" if said else ""
     outcome = "answered with an option" if given else "answered"
     words = [f"--arg {name}:={value}" for name, value in options["xacro_args"].items()]
-    words += [f"--bus-mass {bus.mass:g}"] if mounted else []
+    words += [f"--bus {bus.mass:g}:1,1,1"] if mounted else []
     words += [f"--{name} {value}" for name, value in given.items()]
     return Row(
         robot,
@@ -210,9 +216,9 @@ def refused(path: Path, robot: str, kind: str, message: str) -> Row:
         said = said.replace(f"{parent}/", "")
     said = said.replace("|", "/")
     if any(words in said for words in PARTS):
-        outcome = "a part of other files"
+        outcome = "part of another file"
     elif "no joint" in said:
-        outcome = "nothing moves"
+        outcome = "no movable joint"
     else:
         outcome = "refused"
     return Row(robot, kind, "", "", "", f"{outcome}: {said[:240]}", outcome)
@@ -249,19 +255,20 @@ def table(rows: list[Row], counted: list[Row]) -> Iterator[str]:
                 cells = (name, one.file, one.n, one.tip, one.mass, f"`spacearm info {given}`")
                 yield f"| {' | '.join(cells)} |"
     yield CATALOGUE
-    yield "\n## What came of them\n"
-    yield "| files of | files | " + " | ".join(outcomes) + " |"
+    yield "\n## Results by source\n"
+    yield OUTCOMES
+    yield "| source | files | " + " | ".join(outcomes) + " |"
     yield "|---|" + "---|" * (1 + len(outcomes))
     groups = groupby([*rows, *counted], lambda row: row.robot.partition(": ")[0])
     for source, group in [*((name, list(of)) for name, of in groups), ("all", [*rows, *counted])]:
         counts = Counter(row.outcome for row in group)
         numbers = [counts.total(), *(counts[outcome] for outcome in outcomes)]
         yield f"| {source} | " + " | ".join(map(str, numbers)) + " |"
-    yield "\n## One by one\n"
+    yield "\n## Results by file\n"
     yield "| robot | format | n | tip | mass [kg] | verdict |"
     yield "|---|---|---|---|---|---|"
     for one in rows:
-        if one.outcome != "a part of other files":
+        if one.outcome != "part of another file":
             yield "| " + " | ".join(one[:6]) + " |"
 
 
