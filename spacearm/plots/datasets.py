@@ -1,4 +1,4 @@
-"""Datasets: designs, stores of sweeps, and many simulated runs."""
+"""Datasets: designs, stores of sweeps, many simulated runs, and numbers of many configurations."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
-from spacearm.plots.style import BLUE, COLOURS, GREY, RED, axes_for, draws, entitle, panels_for
+from spacearm.plots import style
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 MOST_CURVES = 12
 
 
-@draws()
+@style.draws()
 def draw_dataset(result: xr.Dataset, ax: Any) -> Any:
     """Draw a dataset of spacearm: designs, the store of a sweep, or many runs.
 
@@ -33,7 +34,7 @@ def draw_dataset(result: xr.Dataset, ax: Any) -> Any:
     if "success" in result and result["success"].dims == ("run",):
         return _draw_runs(result, ax)
     values = _measure(result)
-    axes = axes_for(ax, 7.2, 4.8)
+    axes = style.axes_for(ax, 7.2, 4.8)
     names = [str(name) for name in values.dims]
     arms = "arm" in names and values.sizes["arm"] > 1
     varied = [name for name in names if name != "arm" and values.sizes[name] > 1]
@@ -45,14 +46,14 @@ def draw_dataset(result: xr.Dataset, ax: Any) -> Any:
     labels = [_label(result, name) for name in shown]
     if not shown:
         places = np.arange(values.size)
-        axes.bar(places, np.atleast_1d(values.values), color=BLUE)
+        axes.bar(places, np.atleast_1d(values.values), color=style.BLUE)
         axes.set_xticks(places, [str(arm) for arm in np.atleast_1d(values["arm"].values)])
         axes.set(ylabel=values.name)
     elif len(shown) == 1:
         curves = [values.isel(arm=i) for i in range(values.sizes["arm"])] if arms else [values]
         for i, curve in enumerate(curves[:MOST_CURVES]):
             label = str(curve["arm"].values) if arms else None
-            color = COLOURS[i % len(COLOURS)]
+            color = style.COLOURS[i % len(style.COLOURS)]
             axes.plot(result[shown[0]], curve, "o-", color=color, lw=2, label=label)
         top = 1.05 * float(np.nanmax(values, initial=0.0)) or 1.0
         axes.set(xlabel=labels[0], ylabel=values.name, ylim=(0.0, top))
@@ -66,7 +67,7 @@ def draw_dataset(result: xr.Dataset, ax: Any) -> Any:
         axes.set(xlabel=labels[0], ylabel=labels[1])
     fixed = [name for name in others if name != "arm" and name in result.coords]
     at = [f"{name} {result[name].values[0]:.4g}" for name in fixed]
-    entitle(axes, ", ".join([*_what(result, arms), *at]))
+    style.entitle(axes, ", ".join([*_what(result, arms), *at]))
     return axes
 
 
@@ -112,23 +113,62 @@ def _what(result: xr.Dataset, arms: bool) -> list[str]:
 
 def _draw_runs(result: xr.Dataset, ax: Any) -> Any:
     """Draw over time which share of the runs has come to what, and how far spacecraft turn."""
-    _, (times, turns) = panels_for(ax, lambda whole: whole.subplots(1, 2), 10.0, 4.4)
+    _, (times, turns) = style.panels_for(ax, lambda whole: whole.subplots(1, 2), 10.0, 4.4)
     m, end = result.sizes["run"], float(np.max(result["t"]))
     share = 100.0 * np.arange(1, m + 1) / m
     for name, words, color in (
-        ("time_to_target", "target reached", BLUE),
-        ("first_singularity", "singularity met", RED),
+        ("time_to_target", "target reached", style.BLUE),
+        ("first_singularity", "singularity met", style.RED),
     ):
         t = np.sort(result[name].values[np.isfinite(result[name].values)])
         x, y = np.append(t, end), np.append(share[: len(t)], share[len(t) - 1] if len(t) else 0.0)
         times.step(np.append(0.0, x), np.append(0.0, y), where="post", color=color, label=words)
-    turns.plot(np.degrees(np.sort(result["turn"].values)), share, color=GREY, lw=2)
+    turns.plot(np.degrees(np.sort(result["turn"].values)), share, color=style.GREY, lw=2)
     times.set(xlabel="time [s]", ylabel="share of the runs [%]", ylim=(0.0, 101.0))
     times.legend(frameon=False)
     turns.set(xlabel="largest turn of the spacecraft [°]", ylim=(0.0, 101.0))
-    entitle(
+    style.entitle(
         times,
         f"{result.attrs.get('arm', 'runs')}, {result.attrs.get('base_mode', '')}: "
         f"{int(result['success'].sum())} of {m} runs reach the target",
     )
     return times
+
+
+@style.draws(dict, np.ndarray)
+def draw_rows(result: dict[str, Array] | Array, ax: Any) -> Any:
+    """Draw numbers of many configurations over their rows: each quantity in a panel of its own.
+
+    Args:
+        result: What `evaluate` returns, or an array whose first axis is that of the configurations.
+        ax: Axes, one for each quantity; or a figure or subfigure; None for a new figure.
+
+    Raises:
+        ConfigurationError: These are no numbers, or of no configuration.
+    """
+    named = result if isinstance(result, dict) else {"value": result}
+    numbers = {str(name): np.asarray(values) for name, values in named.items()}
+    if not numbers or not all(
+        x.ndim and x.size and x.dtype.kind in "biuf" for x in numbers.values()
+    ):
+        raise ConfigurationError(
+            "there is no drawing of this: draw the arrays of numbers that sa.evaluate returns, "
+            "with a row for each configuration"
+        )
+    many = len(numbers)
+
+    def parts(whole: Any) -> list[Any]:
+        return list(np.ravel(whole.subplots(many, 1, sharex=True)))
+
+    _, panels = style.panels_for(ax, parts, 8.0, 1.4 + 2.0 * many)
+    for axes, (name, values) in zip(panels, numbers.items(), strict=True):
+        columns = values.reshape(len(values), -1)
+        places = [", ".join(map(str, at)) for at in np.ndindex(values.shape[1:])]
+        style.draw_curves(axes, np.arange(float(len(values))), columns[:, :MOST_CURVES], places)
+        axes.set(ylabel=name)
+        if values.ndim > 1:
+            style.legend_beside(axes)
+        if len(places) > MOST_CURVES:
+            style.entitle(axes, f"the first {MOST_CURVES} of {len(places)} columns")
+    panels[-1].set(xlabel="row")
+    return panels[0]

@@ -27,18 +27,20 @@ def drawing_of(thing: object) -> Callable[..., Any]:
     for kind in type(thing).__mro__:
         if kind in DRAWINGS:
             return DRAWINGS[kind]
-    names = sorted({kind.__name__ for kind in DRAWINGS} - {"Dataset"})
-    alone = ", which is words and numbers alone (print it)" * isinstance(thing, Described)
+    own = {kind for kind in DRAWINGS if kind.__module__.startswith("spacearm.")} - {Described}
+    names = sorted(kind.__name__ for kind in own)
     raise ConfigurationError(
-        f"there is no drawing of {shown(thing)}{alone}; what can be drawn: "
-        f"{', '.join(names)}, the datasets of spacearm.design, sweep and simulate_many"
+        f"there is no drawing of {shown(thing)}; what can be drawn: "
+        f"{', '.join(names)}, the arrays of evaluate, the datasets of design, sweep and "
+        "simulate_many"
     )
 
 
 def drawn_of(thing: object) -> object:
     """Return what is drawn of a thing: of the plan and the proof of `robust_plan` the plan."""
     if type(thing) is tuple:
-        parts = [part for part in thing if not DRAWINGS.keys().isdisjoint(type(part).__mro__)]
+        own = DRAWINGS.keys() - {Described}
+        parts = [part for part in thing if not own.isdisjoint(type(part).__mro__)]
         return parts[0] if len(parts) == 1 else thing
     return thing
 

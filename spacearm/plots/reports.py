@@ -1,4 +1,4 @@
-"""Numbers of one configuration as bars and labelled matrices."""
+"""Numbers of one configuration as bars and labelled matrices, and answers in words as cards."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from spacearm.mechanics.jacobian import MomentumMatrix, PrescribedMotion
 from spacearm.plots import style
 from spacearm.plots.configurations import draw_posture, in_plane
 from spacearm.plots.triangles import stand_ins
-from spacearm.results import short_names
+from spacearm.results import Described, short_names
 from spacearm.singularities.report import IN_WORDS, SingularityReport
 from spacearm.singularities.rounding import ErrorBars
 
 ROWS = ("x", "y", "z", "rx", "ry", "rz")
 #: Share of the largest entry of a matrix below which an entry is rounding and shown as 0.
 ROUNDING = 1e-14
+#: Colours of verdicts.
+TONES = {"good": style.GREEN, "caution": style.ORANGE, "bad": style.RED}
 #: Share of the largest entry down to which colours of a matrix are logarithmic.
 DECADES = 1e-3
 
@@ -220,3 +222,28 @@ def _draw_matrix(axes: Any, values: Array, rows: Sequence[str], columns: Sequenc
         )  # fmt: skip
     axes.set_xticks(range(len(columns)), columns, rotation=45 if max(map(len, columns)) > 6 else 0)
     axes.set_yticks(range(len(rows)), rows)
+
+
+@style.draws(Described)
+def draw_card(result: Described, ax: Any) -> Any:
+    """Write what has no picture of its own on a card: verdict, numbers, what is not checked.
+
+    Args:
+        result: A certificate, a step of a servo, ...
+        ax: Axes, or a figure or subfigure; None for a new figure.
+    """
+    told = result.describe()
+    lines = [*told.notes]
+    for table in told.parts:
+        rows = [table.head("deg"), *table.body("deg")]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        cells = (zip(row, widths, strict=True) for row in rows if any(row))
+        lines += ["", table.title] if table.title else [""]
+        lines += ["   ".join(cell.ljust(width) for cell, width in row) for row in cells]
+    lines += ["", told.limits] if told.limits else []
+    axes = style.axes_for(ax, 8.0, 1.2 + 0.19 * len(lines))
+    axes.set_axis_off()
+    color = TONES.get(told.tone, "black")
+    style.entitle(axes, told.headline, color=color)
+    axes.text(0.0, 1.0, "\n".join(lines), va="top", fontsize=9, family="monospace")
+    return axes

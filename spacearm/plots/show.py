@@ -26,8 +26,8 @@ def plot(
 
     Args:
         thing: An arm, a configuration, or what a function of spacearm returns: a report, a map, a
-            singular set, a workspace, a risk, a motion, a capture, the datasets of `design`,
-            `sweep` and `simulate_many`, ...
+            singular set, a workspace, a risk, a motion, a capture, the arrays of `evaluate`, the
+            datasets of `design`, `sweep` and `simulate_many`, ...
         ax: Matplotlib axes to draw into, with `projection="3d"` for drawings in space; for drawings
             of several panels a sequence of axes, as `sa.plot(thing).axes` has them. Or a figure or
             subfigure, which gets the axes that are needed (best made with layout="constrained").

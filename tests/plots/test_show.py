@@ -17,7 +17,7 @@ import spacearm as sa
 from spacearm.plots.drawings import MODULES
 from spacearm.plots.show import plot
 from spacearm.plots.style import COLOURS, DRAWINGS, figure, style
-from spacearm.results import Result
+from spacearm.results import Described, Result
 
 Q6 = np.radians([0, 60, -100, -50, 30, 0])
 SINGULAR = np.radians([-65, -11.4108])
@@ -146,6 +146,9 @@ def results(few):
         "free boxes": (sa.free_boxes(spatial, most=50), 1),
         "a map of a closed chain": (held().map(points=5), 2),
         "a regrasp": (regrasped(), 4),
+        "a certificate": (sa.singular_set(planar).is_free([[0.3, 1.2], [-0.3, -1.2]]), 1),
+        "numbers": (sa.evaluate(planar, np.ones((5, 2)), quantities=("sigma_min", "distance")), 2),
+        "Jacobians": (sa.generalized_jacobians(spatial, np.ones((3, 6))), 1),
         "a connection": (sa.connected(planar.at([0.3, 1.2]), planar.at([0.4, 1.2])), 1),
         **{what: (store, 1 + ("one arm" in what)) for what, store in stores().items()},
     }
@@ -325,22 +328,25 @@ def test_of_a_plan_and_its_proof_the_plan_is_drawn():
     assert len(plot((way, proof)).axes) == len(plot(way).axes)
 
 
-@pytest.mark.parametrize("thing", [None, 3, "planar2", np.zeros(3), [1, 2]])
+@pytest.mark.parametrize("thing", [None, 3, "planar2", {"file": "a.csv"}, {}, np.zeros(0), [1]])
 def test_what_cannot_be_drawn_is_told_what_can(thing):
-    with pytest.raises(sa.ConfigurationError, match=r"no drawing of .*Configuration.*Workspace"):
+    with pytest.raises(
+        sa.ConfigurationError, match=r"no drawing of .*(Configuration.*Workspace|sa\.evaluate)"
+    ):
         plot(thing)
 
 
 WORDS_ALONE = ("Certificate", "RobustCertificate", "ServoStep", "Watched")
-"""Results that are a verdict or an instant: there is nothing to draw."""
+"""Results that are a verdict or an instant: a card has their words and numbers."""
 
 
-def test_every_public_result_class_has_a_drawing():
+def test_every_public_result_class_has_a_drawing_or_a_card():
     classes = [getattr(sa, name) for name in sa.__all__]
     results = [kind for kind in classes if isinstance(kind, type) and issubclass(kind, Result)]
     assert len(results) > 20
     assert len(MODULES) > 5  # their import enters all drawings
-    left = {kind.__name__ for kind in results if not set(kind.__mro__) & set(DRAWINGS)}
+    own = set(DRAWINGS) - {Described}
+    left = {kind.__name__ for kind in results if not set(kind.__mro__) & own}
     assert left == set(WORDS_ALONE)
 
 
