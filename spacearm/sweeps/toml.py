@@ -6,6 +6,7 @@ import math
 import os
 import re
 from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -28,6 +29,8 @@ MOST_PARTS = 16
 LONG_KEY = re.compile(
     r"""(?<![\w"'-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){""" + f"{MOST_PARTS}}}"
 )
+#: Most lists and tables around one another.
+MOST_NESTED = 100
 #: Largest size of a file [bytes]: its tables may take hundreds of times as much memory.
 MOST_BYTES = 1_000_000
 AXIS = ("from", "to", "points")
@@ -178,11 +181,12 @@ def parse(text: str, what: str = "the study") -> Table:
         raise ConfigurationError(
             f"{what} has a key of more than {MOST_PARTS} parts; none has as many"
         )
+    depths = accumulate((c in "[{") - (c in "]}") for c in text)
+    if max(depths, default=0) > MOST_NESTED:
+        raise ConfigurationError(
+            f"{what} has lists or tables within more than {MOST_NESTED} others; none has as many"
+        )
     try:
         return Table(what.removeprefix("the "), tomllib.loads(text))
-    except RecursionError:
-        raise ConfigurationError(
-            f"{what} has lists or tables nested in hundreds of others; none has as many"
-        ) from None
     except ValueError as error:  # numbers of thousands of digits too
         raise ConfigurationError(f"{what} is not TOML: {error}") from None

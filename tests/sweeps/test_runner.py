@@ -528,7 +528,7 @@ def test_keys_of_many_parts_are_refused_before_they_are_parsed(text, monkeypatch
 
 @pytest.mark.parametrize(("begin", "end"), [("[", "]"), ("{a = ", "}")])
 def test_what_is_nested_too_deeply_says_so(begin, end):
-    with pytest.raises(sa.ConfigurationError, match="nested in hundreds of others"):
+    with pytest.raises(sa.ConfigurationError, match="within more than 100 others"):
         sa.Study.parse(f"a = {40_000 * begin}1{40_000 * end}")
 
 

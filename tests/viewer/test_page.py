@@ -1,5 +1,6 @@
 """The page's looks and manners in a real browser."""
 
+import itertools
 import threading
 import zipfile
 from types import SimpleNamespace
@@ -329,6 +330,13 @@ def apart(one, other):
     return one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
 
 
+BUSY = """for (const id of ["work", "waiting"]) {
+  const shown = document.getElementById(id);
+  shown.hidden = false;
+  (shown.querySelector("span") ?? shown).textContent = "planning: at most 60 s more";
+}"""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [1280, 900, 800, 640, 390])
 def test_neither_map_nor_toolbar_hides_the_tip_at_any_width(browser, width):
@@ -354,6 +362,11 @@ def test_neither_map_nor_toolbar_hides_the_tip_at_any_width(browser, width):
                 assert drawing[0] <= button["x"]
                 assert button["x"] + button["width"] <= drawing[2]
                 assert button["y"] + button["height"] <= tip[1]
+            shown.page.evaluate(BUSY)
+            marks = ["#work", "#waiting", "#scale", "#squares", "#compass"]
+            boxes = [box(shown, mark) for mark in marks if shown.page.is_visible(mark)]
+            assert all(apart(*pair) for pair in itertools.combinations(boxes, 2))
+            shown.page.evaluate(BUSY.replace("false", "true"))
             if shown is narrowed:
                 break
             shown.page.click("[data-do='nearest']")
