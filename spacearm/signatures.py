@@ -5,9 +5,9 @@ named with what to give instead. Of arrays the shape is checked too, as the docs
 shapes and values of all else that NumPy makes numbers of are checked where they are used, by
 `arrays` and `model.joints`.
 
-What takes over a second is shown on a terminal until it is done, with the share that is done where
-the function reports it. One thread looks now and then at the call that goes on. Nothing is shown
-where stderr is no terminal, in other threads and processes, and within a call that is shown.
+What takes over a second is shown on a terminal, or below the cell of a notebook, until it is done,
+with the share that is done where the function reports it. One thread looks now and then at the call
+that goes on. Nothing is shown elsewhere, in other threads and processes, and within such a call.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ import time
 import types
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from functools import cache, wraps
+from functools import cache, partial, wraps
+from html import escape
 from itertools import islice
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -139,20 +140,22 @@ class Watch:
         self.call: Call | None = None
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
+        self._cell: object = None
 
     def idle(self) -> bool:
         """Tell whether a call that begins now is to be shown."""
         if self.call is not None or threading.current_thread() is not threading.main_thread():
             return False
         try:
-            terminal = sys.stderr.isatty()
+            seen = sys.stderr.isatty() or _cell() is not None
         except (AttributeError, ValueError):  # there is none, or it is closed
             return False
-        return terminal and multiprocessing.parent_process() is None
+        return seen and multiprocessing.parent_process() is None
 
     def run(self, name: str, function: Callable[[Call], Any]) -> Any:
         """Call a function with its call."""
-        if self._thread is None:
+        if self._thread is None or self._cell != _cell():  # a thread writes to where it began
+            self._cell = _cell()
             self._thread = threading.Thread(target=self._look, daemon=True)
             self._thread.start()
         self.call = call = Call(name)
@@ -166,7 +169,7 @@ class Watch:
                 call.gone.wait(PATIENCE)
 
     def _look(self) -> None:
-        while True:
+        while self._thread is threading.current_thread():
             time.sleep(LOOK)
             with self._lock:
                 call = self.call
@@ -181,12 +184,12 @@ class Watch:
 
 def _show(call: Call) -> None:
     """Show a call in a line that is taken away when the call is over."""
-    line = ""
+    line, write = "", _write if _cell() is None else partial(_display, f"spacearm {call.since}")
     while not call.over.wait(LOOK):
         done, of = call.done
         share = f", {done / of:.0%}" if of else ""
-        _write(line, line := f"{call.name}: {time.monotonic() - call.since:.0f} s{share}")
-    _write(line, "")
+        write(line, line := f"{call.name}: {time.monotonic() - call.since:.0f} s{share}")
+    write(line, "")
 
 
 def _write(before: str, line: str) -> None:
@@ -194,6 +197,17 @@ def _write(before: str, line: str) -> None:
     blank = " " * max(len(before) - len(line), 0)
     sys.stderr.write(f"\r{line}{blank}" if line else f"\r{blank}\r")
     sys.stderr.flush()
+
+
+def _cell() -> object:
+    """Return what tells the cells of a notebook apart; None where there is no notebook."""
+    return getattr(sys.stderr, "parent_header", {}).get("msg_id")
+
+
+def _display(name: str, before: str, line: str) -> None:
+    """Write a line below the cell, over the one of this name before."""
+    publish: Any = sys.modules["IPython.display"].publish_display_data
+    publish({"text/html": escape(line)}, transient={"display_id": name}, update=bool(before))
 
 
 WATCH = Watch()

@@ -1,8 +1,11 @@
 """Progress of calls from Python: what takes long is shown on a terminal, once, and taken away."""
 
 import io
+import sys
+import threading
 import time
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -64,6 +67,33 @@ def test_what_is_quick_is_not_shown_nor_is_anything_where_nobody_looks(watch, mo
     assert not shown.getvalue()
     monkeypatch.setattr("sys.stderr", io.StringIO())
     assert not watch.idle()
+
+
+def test_a_notebook_shows_it_below_the_cell_that_calls(watch, monkeypatch):
+    """Threads write to the cell in which they began: each cell has one of its own."""
+    shown, cells = [], []
+
+    def publish(data, *, transient, update):
+        shown.append((data["text/html"], transient["display_id"], update))
+        cells.append(threading.current_thread())
+
+    monkeypatch.setitem(
+        sys.modules, "IPython.display", SimpleNamespace(publish_display_data=publish)
+    )
+    for cell in ("a", "b"):
+        shown.clear()
+        notebook = io.StringIO()
+        notebook.parent_header = {"msg_id": cell}
+        monkeypatch.setattr("sys.stderr", notebook)
+        slow(lambda: any("25%" in line for line, _, _ in shown))
+        lines, names, updates = zip(*shown, strict=True)
+        assert lines[0].startswith("sa.slow: 0 s, 25%")
+        assert lines[-1] == ""
+        assert len(set(names)) == 1
+        assert updates == (False, *[True] * (len(shown) - 1))
+        assert not notebook.getvalue()
+    assert len(set(cells)) == 2
+    assert watch.call is None
 
 
 def test_an_error_ends_the_line(watch, monkeypatch):
