@@ -136,6 +136,26 @@ def documented(command: Callable[P, T]) -> Callable[P, T]:
 
 
 @documented
+def read_by(
+    check: str | None = None,
+    arg: list[str] | None = None,
+    density: float | None = None,
+    up_axes: bool = False,
+) -> dict[str, Any]:
+    """Return how the shared options say that a file is read, as arguments of `sa.load`.
+
+    Options:
+        check (error|warn|accept): What to do about physically impossible inertias.
+        arg (NAME:=VALUE): Argument of a xacro source; may be repeated.
+        density (RHO): Density [kg/m^3] of links without inertial data.
+        up_axes: Turn meshes so that the up axis that their COLLADA file states is z; RViz and
+            Gazebo do not. The file that is written needs it no more.
+    """
+    named = dict(pairs("--arg", arg, "NAME:=VALUE", ":="))
+    return {"check": check, "xacro_args": named, "density": density, "up_axes": up_axes}
+
+
+@documented
 def arm_from(
     model: Annotated[str, typer.Argument(autocompletion=complete_model)],
     tip: str | None = None,
@@ -143,14 +163,14 @@ def arm_from(
     joints: str = "tip",
     lock: list[str] | None = None,
     wheel: list[str] | None = None,
-    check: str | None = None,
     bus: Annotated[str | None, typer.Option("--bus", "--bus-mass")] = None,
-    arg: list[str] | None = None,
-    density: float | None = None,
     name: str | None = None,
     deg: bool = False,
+    **options: Any,
 ) -> sa.SpaceArm:
     """Load the arm that the shared options describe; this signature states them once.
+
+    Those of `read_by` say how the file is read.
 
     With a bus, MODEL is an arm alone, which is mounted on top of it.
 
@@ -165,26 +185,18 @@ def arm_from(
         lock (JOINT=VALUE): Lock a joint; may be repeated.
         wheel (JOINT[=TORQUE,MOMENTUM]): Take a joint as a momentum wheel, with these limits [N m],
             [N m s] or its own; may be repeated.
-        check (error|warn|accept): What to do about physically impossible inertias.
         bus (KG|KG:X,Y,Z|FILE[@X,Y,Z[,R,P,Y]]): Mount MODEL, an arm alone, on a bus: a solid box of
             this mass [kg] and these edges [m], or a robot file or catalogue name; after @ the
             position and the roll, pitch, yaw of the arm's base on it, the top of a box by default.
-        arg (NAME:=VALUE): Argument of a xacro source; may be repeated.
-        density (RHO): Density [kg/m^3] of links without inertial data.
         name: Name of the arm that --bus mounts; all its joints and links get it as a prefix.
         deg: Angles are in degrees, given and printed (not --json).
     """
     wheels, locked = _wheels(wheel), assignments("--lock", lock)
     carrier, at = (None, None) if bus is None else _described_bus(bus, deg)
-    options: dict[str, Any] = {
-        "check": check,
-        "xacro_args": dict(pairs("--arg", arg, "NAME:=VALUE", ":=")),
-        "density": density,
-    }
     if deg and locked:
         known = _tree_of(model, bus is not None, options).joints
         locked = {name: si(known.get(name), value, deg) for name, value in locked.items()}
-    options["joints"] = joints if joints in ("tip", "all") else joints.split(",")
+    counting: Any = joints if joints in ("tip", "all") else joints.split(",")
     rows, sign, length = (task or "").partition("/")
     scale = _number(length) if sign else None
     if rows:
@@ -197,7 +209,7 @@ def arm_from(
             f"--name {name}: give the bus that the arm is mounted on: --bus KG"
         )
     if carrier is None:
-        arm = sa.load(model, tip=tips, locked=locked, wheels=wheels, **options)
+        arm = sa.load(model, tip=tips, locked=locked, wheels=wheels, joints=counting, **options)
     elif model in models_by_name():
         raise sa.ConfigurationError(
             f"--bus mounts an arm alone, and {model} has a spacecraft; leave it out"
@@ -206,7 +218,7 @@ def arm_from(
         raise sa.ConfigurationError("--tip names several links; an arm on a new bus has one tip")
     else:
         arm = sa.mount(model, carrier, at, name=name, tip=tips, locked=locked, **options)
-        arm = arm.replace(wheels=wheels) if wheels else arm
+        arm = arm.replace(joints=counting, wheels=wheels)
     return arm.replace(task=sa.Task(arm.task.names, scale)) if sign and not rows else arm
 
 
@@ -260,16 +272,18 @@ def _tree_of(model: str, alone: bool, options: dict[str, Any]) -> Tree:
 
 
 def on_a_model(command: Callable[..., T], *, named: bool = False) -> Callable[..., T]:
-    """Give a command the argument MODEL and the options of `arm_from` in place of `arm`.
+    """Give a command the argument MODEL and the options of `arm_from`, `read_by` instead of `arm`.
 
     MODEL comes first and the options last, before --json. A command with a parameter `deg` gets
-    whether angles are in degrees; one that is `named` takes a name of the arm.
+    whether angles are in degrees; one that is `named` takes a name of the arm, and up axes.
     """
     own = dict(inspect.signature(documented(command)).parameters)
-    shared = dict(inspect.signature(arm_from).parameters)
+    reading = dict(inspect.signature(read_by).parameters)
+    shared = dict(inspect.signature(arm_from).parameters) | reading
+    shared["deg"] = shared.pop("deg")
     told_deg = own.pop("deg", None) is not None
-    if not named:
-        del shared["name"]
+    for name in ("options", *(("name", "up_axes") * (not named))):
+        del shared[name]
     last = {name: own.pop(name) for name in ("as_json",) if name in own}
     del own["arm"]
     first = {"model": shared["model"]}
@@ -284,7 +298,8 @@ def on_a_model(command: Callable[..., T], *, named: bool = False) -> Callable[..
                     f"{error}; name another place for the picture by --output, or give --json"
                 ) from None
         deg = {"deg": given["deg"]} if told_deg else {}
-        arm = arm_from(**{name: given.pop(name) for name in shared})
+        options = read_by(**{name: given.pop(name) for name in shared if name in reading})
+        arm = arm_from(**{name: given.pop(name) for name in shared if name in given}, **options)
         return command(arm=arm, **given, **deg)
 
     run.__doc__, run.__module__, run.__name__ = command.__doc__, __name__, command.__name__

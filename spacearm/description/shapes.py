@@ -124,6 +124,18 @@ class Shape(NamedTuple):
         pose = pin.SE3(self.pose.rotation, factor * self.pose.translation)
         return self._replace(pose=pose, geometry=_scaled(self.geometry, factor))
 
+    def upright(self) -> Shape:
+        """Return the shape, its mesh turned so that the up axis of its COLLADA file is z.
+
+        The scale of the mesh is along the axes of the turned one.
+        """
+        match self.geometry:
+            case Mesh(_, Path() as file, scale) if (axis := up_axis(file)) in UPRIGHT:
+                R = UPRIGHT[axis]
+                geometry = self.geometry._replace(scale=tuple((np.abs(R.T) @ scale).tolist()))
+                return self._replace(pose=self.pose * pin.SE3(R, np.zeros(3)), geometry=geometry)
+        return self
+
     def reach(self) -> float:
         """Return how far the shape reaches from the origin of the link [m].
 
@@ -205,6 +217,11 @@ class Visuals(NamedTuple):
     collision: tuple[Shape, ...] = ()
     stands_in: bool = False
 
+    def upright(self) -> Visuals:
+        """Return the shapes, each turned by `Shape.upright`."""
+        visual, collision = (tuple(map(Shape.upright, own)) for own in self[:2])
+        return self._replace(visual=visual, collision=collision)
+
     def scaled(self, factor: float) -> Visuals:
         """Return the shapes enlarged by a factor about the origin of the link."""
         return self._replace(
@@ -283,8 +300,11 @@ LARGEST_MESH = 10**8
 MOST_TRIANGLES = 10**7
 #: Largest number of nodes of a COLLADA scene.
 MOST_NODES = 10_000
-#: Turns the y axis of a mesh to z.
-Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+#: Turns the up axis of a mesh to z, and right, as COLLADA has it, to x.
+UPRIGHT = {
+    "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
+    "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+}
 
 
 def mesh_bounds(path: Path) -> Array | None:
@@ -325,20 +345,22 @@ UP_AXIS = re.compile(rb"<(?:\w+:)?up_axis>\s*([XYZ]_UP)")
 
 def up_axis(path: Path) -> str | None:
     """Return the up axis that a COLLADA file states, as "Y_UP"; None where there is none."""
+    if path.suffix.lower() != ".dae":
+        return None
     try:
-        head = read(path, LARGEST_MESH).partition(b"</asset>")[0]
+        stated = UP_AXIS.search(read(path, LARGEST_MESH).partition(b"</asset>")[0])
     except (OSError, ValueError):
         return None
-    stated = UP_AXIS.search(head) if path.suffix.lower() == ".dae" else None
     return stated[1].decode() if stated else None
 
 
 def read_mesh(path: Path) -> trimesh.Trimesh:
     """Read the triangles of a mesh file in metres, without textures.
 
-    The unit that a COLLADA file states is applied. Its up axis is not: a robot file places a mesh
-    by the axes of its coordinates, as RViz and Gazebo show it. The y axis of glTF (and GLB), which
-    is up in all files of this format, becomes z, as in RViz and Drake.
+    The unit that a COLLADA file states is applied. Its up axis is not, unless by `Shape.upright`:
+    a robot file places a mesh by the axes of its coordinates, as RViz and Gazebo show it. The y
+    axis of glTF (and GLB), which is up in all files of this format, becomes z, as in RViz and
+    Drake.
 
     Raises:
         ModelError: The format is not one of `FORMATS`, or the file is too large, broken, without
@@ -391,7 +413,7 @@ def _mesh(path: Path) -> trimesh.Trimesh:
         mesh: trimesh.Trimesh = scene.to_mesh()
         mesh.vertices = metre * np.asarray(mesh.vertices)
         if suffix in (".glb", ".gltf"):
-            mesh.vertices = mesh.vertices @ Y_UP.T
+            mesh.vertices = mesh.vertices @ UPRIGHT["Y_UP"].T
     if not (np.abs(mesh.vertices) <= LARGEST).all():
         raise ValueError(f"it has coordinates that are not finite or beyond {LARGEST:g}")
     return mesh

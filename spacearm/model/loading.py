@@ -35,6 +35,7 @@ def load(
     packages: Folders = (),
     xacro_args: Mapping[str, object] | None = None,
     density: float | None = None,
+    up_axes: bool = False,
 ) -> SpaceArm:
     """Load a spacecraft with its arm.
 
@@ -77,6 +78,8 @@ def load(
         xacro_args: Values of the arguments of a xacro source, by name.
         density: Density [kg/m^3] of the links without inertial data, which then get one from their
             collision shapes, else from those that are drawn.
+        up_axes: Whether meshes are turned so that the up axis that their COLLADA file states is z,
+            for masses, collisions and drawings alike. RViz and Gazebo do not turn them.
 
     Returns:
         The arm; what was assumed stands in its `notes`.
@@ -96,7 +99,8 @@ def load(
     """
     info = find_model(source)
     path = info.path if info else formats.path_of(source)
-    reading = Reading.of(check or (info.check if info else None), packages, xacro_args, density)
+    check = check or (info.check if info else None)
+    reading = Reading.of(check, packages, xacro_args, density, up_axes)
     pairs = tip if isinstance(tip, Mapping) else {}
     tip = None if isinstance(tip, Mapping) else tip
     if info:
@@ -117,12 +121,12 @@ def mount(
     name: str | None = None,
     tip: str | None = None,
     task: str | Task | None = None,
-    joints: Counting = "tip",
     locked: Mapping[str, float] | None = None,
     check: Check | None = None,
     packages: Folders = (),
     xacro_args: Mapping[str, object] | None = None,
     density: float | None = None,
+    up_axes: bool = False,
 ) -> SpaceArm:
     """Bolt an arm to a spacecraft; call it again for a second and a third arm.
 
@@ -133,8 +137,9 @@ def mount(
     "left", is at the same place.
 
     The tip of the result is that of the arm mounted last. Its joints count, while fingers and other
-    arms are held; `SpaceArm.replace` chooses the other one, or both: `tip=("left", "right")`.
-    Otherwise the order in which arms with given names are mounted makes no difference.
+    arms are held; `SpaceArm.replace` chooses the other one, or both: `tip=("left", "right")`, or
+    more joints: `joints="all"`. Otherwise the order in which arms with given names are mounted
+    makes no difference.
 
     Args:
         arm: An arm without a spacecraft: a name that `arms` lists, or what `load` takes.
@@ -146,19 +151,19 @@ def mount(
             numbered from the second arm on.
         tip: Link of the arm that is its tip, as in `load`.
         task: The twist rows that count; see `load`.
-        joints: Which joints count besides; names are those of the result. See `load`.
         locked: Joints of the arm to lock, with their values [rad] or [m].
         check: What to do with inertias that no rigid body can have; see `load`.
         packages: Folders with ROS packages; see `load`.
         xacro_args: Arguments of the xacro source of the arm; see `load`.
         density: Density of links without inertial data [kg/m^3]; see `load`.
+        up_axes: Whether meshes of the arm and the bus are turned by their up axes; see `load`.
 
     Returns:
         The spacecraft with its arms.
 
     Raises:
         ModelError: An arm is unknown, a URDF has a fault, or the name is taken.
-        ConfigurationError: bus, at, tip, joints or locked is not valid.
+        ConfigurationError: bus, at, tip or locked is not valid.
 
     Example:
         >>> import spacearm as sa
@@ -167,10 +172,10 @@ def mount(
     """
     top = bus.top if isinstance(bus, Bus) else pin.SE3.Identity()
     at = top if at is None else sound_pose(at, "at")
-    reading = Reading.of(check, packages, xacro_args, density)
+    reading = Reading.of(check, packages, xacro_args, density, up_axes)
     base = _tree(bus, replace(reading, xacro_args={}, rigid=True))
     tree = bolted(base, arm, at, name=name, tip=tip, locked=locked, reading=reading)
-    return SpaceArm.of(tree, Path(f"{tree.name}.urdf"), task=task, joints=joints).warned()
+    return SpaceArm.of(tree, Path(f"{tree.name}.urdf"), task=task).warned()
 
 
 def _tree(bus: Bus | SpaceArm | RobotSource, reading: Reading) -> Tree:

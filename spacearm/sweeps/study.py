@@ -37,7 +37,7 @@ KEPT = 16
 #: Chunks of a study: each is one file or more.
 MOST_CHUNKS = 10**8
 #: Keys of an arm that say how its file is read, as in `load`.
-READING = ("packages", "xacro_args", "density")
+READING = ("packages", "xacro_args", "density", "up_axes")
 #: Pattern of the names that an array of a store may have.
 NAME = re.compile(r"[^./][^/]{0,99}")
 
@@ -343,6 +343,7 @@ def _arm(own: Table, source: str, folder: Path) -> SpaceArm:
         packages=[folder / name for name in own.texts("packages")],
         xacro_args=own.take("xacro_args", dict, {}),
         density=own.positive("density", float) if "density" in own.values else None,
+        up_axes=own.take("up_axes", bool, False),
     )
     if "length" not in own.values:
         return arm

@@ -1,10 +1,12 @@
 """Options that describe the arm: a bus for an arm alone, xacro arguments, packages, densities."""
 
 import json
+import re
 
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 from helpers.arms import frame, joint, link, robot
 from helpers.commands import answer, spacearm
 
@@ -208,6 +210,22 @@ def test_density_and_notes(tmp_path):
         "note: density 1000 kg/m^3 gives mass and inertia from shapes: 'arm' 10 kg" in told.stdout
     )
     assert answer("info", path, "--density", "1000")["mass"] == pytest.approx(60.0)
+
+
+def test_meshes_are_turned_by_their_up_axes_in_what_convert_writes(tmp_path):
+    text = trimesh.creation.box((0.1, 0.2, 0.3)).export(file_type="dae")
+    (tmp_path / "box.dae").write_bytes(re.sub(rb"[XYZ]_UP", b"Y_UP", text))
+    part = (
+        '<link name="arm"><visual><geometry><mesh filename="box.dae"/></geometry></visual></link>'
+    )
+    path, upright = tmp_path / "robot.urdf", tmp_path / "upright.urdf"
+    path.write_text(robot(link("bus", 50.0), part, joint("elbow", "bus", "arm")))
+    told = spacearm("info", path, "--density", 1000).stdout
+    assert "'box.dae' (Y_UP); spacearm convert --up-axes turns" in " ".join(told.split())
+    run = spacearm("convert", path, "--density", 1000, "--up-axes", "-o", upright)
+    assert "meshes are turned by their up axes: 'box.dae' (Y_UP)" in " ".join(run.stdout.split())
+    moments = np.diag(sa.load(upright).bodies["arm"].inertia)
+    np.testing.assert_allclose(moments, np.array([0.13, 0.05, 0.10]) / 2, rtol=1e-6, atol=1e-9)
 
 
 def test_an_arm_with_two_tips_is_described_asked_and_written(tmp_path):

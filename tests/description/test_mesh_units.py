@@ -20,9 +20,10 @@ EDGES = np.array([0.1, 0.2, 0.3])
 BUS = link("bus", 50.0, inside='<visual><geometry><sphere radius="0.05"/></geometry></visual>')
 
 
-def collada(path, unit=None, up="Z_UP", metre=1.0):
-    """Write a box of `EDGES` as a COLLADA file in a unit, None for a file that names none."""
-    text = trimesh.creation.box(EDGES / metre).export(file_type="dae").decode()
+def collada(path, unit=None, up="Z_UP", metre=1.0, mesh=None):
+    """Write a mesh, or a box of `EDGES` in a unit; None for a file that names none."""
+    mesh = trimesh.creation.box(EDGES / metre) if mesh is None else mesh
+    text = mesh.export(file_type="dae").decode()
     said = "" if unit is None else f'<unit name="u" meter="{unit}"/>'
     asset, count = re.subn(r"<up_axis>\w+</up_axis>", f"{said}<up_axis>{up}</up_axis>", text)
     assert count == 1
@@ -64,6 +65,50 @@ def test_collada_units_count_everywhere_and_up_axes_nowhere(unit, metre, up, tmp
         report = sa.collision_check(arm.at([0.0]), ball)
         assert report.apart
         assert report.distance[0] == pytest.approx(0.02, abs=1e-6)
+
+
+#: Coordinates in a file, of what lies to the right, up and towards the viewer, as COLLADA says.
+FRAMES = {
+    "X_UP": lambda right, up, near: (up, -right, near),
+    "Y_UP": lambda right, up, near: (right, up, near),
+    "Z_UP": lambda right, up, near: (right, -near, up),
+}
+
+
+def seen(arm):
+    """What physics, collisions and drawings make of the arm of one link."""
+    body, ball = arm.model.inertias[2], sa.Obstacle.sphere(0.1, sa.pose((0.3, 0.7, 0.9)))
+    (drawn,) = (shape for shape in shapes(arm) if shape.link == "arm")
+    corners = np.asarray(drawn.geometry.vertices) @ drawn.pose[:3, :3].T + drawn.pose[:3, 3]
+    triangles = arm.tree.visuals["arm"].visual[0].triangles().reshape(-1, 3)
+    both = (points[np.lexsort(points.round(6).T)] for points in (corners, triangles))
+    distance = sa.collision_check(arm.at([0.0]), ball).distance
+    return [distance, [body.mass], body.lever, body.inertia, *both]
+
+
+@pytest.mark.parametrize("scale", ["1 1 1", "1 2 -3"])
+def test_up_axes_count_everywhere_if_they_are_to(scale, tmp_path):
+    """The same body in three frames is one, in the file that is written too."""
+    body = np.array([(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.2, 0.0), (0.02, 0.03, 0.3)])
+    found, mesh = {}, f'<mesh filename="body.dae" scale="{scale}"/>'
+    for up, frame in FRAMES.items():
+        hull = trimesh.convex.convex_hull(np.column_stack(frame(*body.T)))
+        collada(tmp_path / "body.dae", up=up, mesh=hull)
+        arm = arm_of(tmp_path, mesh, up_axes=True)
+        (told,) = [note for note in arm.notes if "up axes" in note] or [None]
+        assert (
+            told == (f"meshes are turned by their up axes: 'body.dae' ({up})", None)[up[0] == "Z"]
+        )
+        written = sa.load(arm.to_urdf(tmp_path / "written.urdf"))
+        as_written = seen(arm_of(tmp_path, mesh))
+        found[up] = seen(arm)
+        for one, other, turned in zip(found[up], seen(written), as_written, strict=True):
+            np.testing.assert_allclose(one, other, rtol=0, atol=1e-6 * np.abs(one).max())
+            if up != "Z_UP" and np.size(one) > 1:
+                assert not np.allclose(one, turned, rtol=0.01, atol=0.01 * np.abs(one).max())
+    for up in ("X_UP", "Y_UP"):
+        for one, other in zip(found[up], found["Z_UP"], strict=True):
+            np.testing.assert_allclose(one, other, rtol=0, atol=1e-6 * np.abs(one).max())
 
 
 @pytest.mark.parametrize("unit", ["0", "-1", "nan", "inf", "inch"])

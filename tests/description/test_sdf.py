@@ -1,8 +1,11 @@
 """SDF: frames, worlds, nested models and includes; what is assumed and what is refused."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 
 import spacearm as sa
 from spacearm.description.shapes import Box, Cylinder, Mesh, Sphere, Unusable
@@ -241,10 +244,11 @@ def test_automatic_inertias_are_those_of_the_collision_shapes(tmp_path):
         given = f"<density>{density}</density>" if density else ""
         return f"<collision name='{size}'>{given}{pose}<geometry>{box}</geometry></collision>"
 
-    def body(inside, auto=""):
+    def body(inside, auto="", **options):
         inertial = f"<inertial auto='true'>{auto}</inertial>"
         part = f"<link name='arm'><pose>1 0 0 0 0 0</pose>{inertial}{inside}</link>"
-        return load(sdf(model(BUS, part, ELBOW), "1.11"), tmp_path, task="x y").tree.links["arm"]
+        text = sdf(model(BUS, part, ELBOW), "1.11")
+        return load(text, tmp_path, task="x y", **options).tree.links["arm"]
 
     one = body(made("0.1 0.2 0.3"))
     assert one.mass == pytest.approx(6.0)
@@ -260,6 +264,12 @@ def test_automatic_inertias_are_those_of_the_collision_shapes(tmp_path):
     np.testing.assert_allclose(
         two.inertia, np.diag([1, 1, 1]) * 4 / 6 + np.diag([0, 0.75, 0.75]), rtol=1e-12, atol=1e-15
     )
+    text = trimesh.creation.box((0.1, 0.2, 0.3)).export(file_type="dae")
+    (tmp_path / "box.dae").write_bytes(re.sub(rb"[XYZ]_UP", b"Y_UP", text))
+    mesh = "<collision name='c'><geometry><mesh><uri>box.dae</uri></mesh></geometry></collision>"
+    for up_axes, order in ((False, [0, 1, 2]), (True, [0, 2, 1])):
+        moments = np.diag(body(mesh, up_axes=up_axes).inertia)
+        np.testing.assert_allclose(moments, np.diag(wanted)[order], rtol=1e-6, atol=1e-9)
     said = pytest.warns(sa.ModelWarning, match="'arm' has <inertial auto='true'> and no collision")
     with said, pytest.raises(sa.ModelError, match="no movable link has mass"):
         body("<collision name='c'><geometry><plane/></geometry></collision>")

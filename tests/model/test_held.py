@@ -105,7 +105,7 @@ def test_an_arm_mounted_on_one_that_holds_joints_keeps_them_movable():
     assert (both.tip, both.n) == ("b_tip", 6)
     assert both.held.keys() == {"a_jointGripper", *bus.joint_names}
     assert both.replace(tip="a").joint_names == bus.joint_names
-    assert sa.mount("z1", bus, name="c", joints="all").n == 14
+    assert sa.mount("z1", bus, name="c").replace(joints="all").n == 14
 
 
 MIMIC = '<mimic joint="{}" multiplier="-2" offset="0.1"/>'

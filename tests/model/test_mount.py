@@ -315,7 +315,7 @@ def test_a_bus_with_panels_from_its_own_urdf(tmp_path):
     path = saved(text, tmp_path, "hull.urdf")
     arm = sa.mount("vispa", path, at=ON_TOP)
     assert (arm.n, arm.tip, dict(arm.held)) == (6, "tip", {"panel": 0.0})
-    free = sa.mount("vispa", path, at=ON_TOP, joints=["panel"])
+    free = sa.mount("vispa", path, at=ON_TOP).replace(joints=["panel"])
     assert (free.n, free.joint_names[0], dict(free.held)) == (7, "panel", {})
     locked = arm.replace(locked={"panel": 0.4})
     assert (locked.n, dict(locked.held)) == (6, {})

@@ -45,7 +45,9 @@ def checked(source: Source, tree: Tree) -> Tree:
     Warns:
         ModelWarning: Something was assumed or left out.
     """
-    estimated: dict[str, Inertial] = {}
+    turn, estimated = source.reading.up_axes, dict[str, Inertial]()
+    if turn and not source.reading.known:
+        tree = replace(tree, visuals={link: own.upright() for link, own in tree.visuals.items()})
     if source.reading.density is not None:
         estimated = of_density(source, tree, source.reading.density)
         tree = replace(tree, links={**tree.links, **estimated})
@@ -58,22 +60,23 @@ def checked(source: Source, tree: Tree) -> Tree:
     drawn = {} if source.reading.known else tree.visuals
     for doubt in implausible(replace(tree, visuals=drawn), estimated):
         source.warn(doubt)
-    if unheeded := sorted(set(_turned(drawn.values()))):
+    if lying := sorted(set(_lying(drawn.values()))):
         source.note(
-            f"the up axes of meshes do not count, as in RViz and Gazebo: {listed(unheeded)}; "
-            "turn a mesh by the rpy of its <origin> if it counts on its own"
+            f"meshes are turned by their up axes: {listed(lying)}"
+            if turn
+            else f"the up axes of meshes do not count, as in RViz and Gazebo: {listed(lying)}; "
+            "up_axes=True turns these meshes by them, the rpy of its <origin> a single one"
         )
     return tree
 
 
-def _turned(solids: Iterable[shapes.Visuals]) -> Iterator[str]:
-    """Yield the meshes that state an up axis other than z, which nobody turns them by."""
+def _lying(solids: Iterable[shapes.Visuals]) -> Iterator[str]:
+    """Yield the meshes that state an up axis other than z."""
     for shape in chain.from_iterable((*both.visual, *both.collision) for both in solids):
         match shape.geometry:
-            case shapes.Mesh(name, Path() as file) if (axis := shapes.up_axis(file)) not in (
-                None,
-                "Z_UP",
-            ):
+            case shapes.Mesh(name, Path() as file) if (
+                axis := shapes.up_axis(file)
+            ) in shapes.UPRIGHT:
                 yield f"{name!r} ({axis})"
 
 

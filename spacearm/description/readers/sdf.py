@@ -285,6 +285,8 @@ class _Reader:
         for collision in link.findall("collision"):
             density = vector(source, collision, "density", common).item()
             shapes = source.safely(partial(self._shapes, name, scope), collision)
+            if source.reading.up_axes:
+                shapes = tuple(shape.upright() for shape in shapes)
             if (solid := solid_inertia(shapes)) is not None:
                 parts.append(Inertial.of_spatial(solid).with_mass(density * solid.mass).spatial())
         if not parts:

@@ -95,6 +95,7 @@ class Reading:
         rigid: Whether the robot may have no joint, as a bus for an arm.
         known: Whether its shapes are known to be right, as those of the catalogue, and their meshes
             need not be read.
+        up_axes: Whether the up axes that COLLADA files state turn their meshes.
     """
 
     check: Check = "error"
@@ -106,6 +107,7 @@ class Reading:
     rigid: bool = False
     known: bool = False
     tips: tuple[str, ...] = ()
+    up_axes: bool = False
 
     @classmethod
     def of(
@@ -114,6 +116,7 @@ class Reading:
         packages: Folders = (),
         xacro_args: Mapping[str, object] | None = None,
         density: float | None = None,
+        up_axes: bool = False,
     ) -> Reading:
         """Make it of a caller's arguments, checked; see `loading.load`.
 
@@ -133,6 +136,7 @@ class Reading:
                 for name, value in (xacro_args or {}).items()
             },
             density=None if density is None else positive(density, "density", "density [kg/m^3]"),
+            up_axes=up_axes,
         )
 
 
