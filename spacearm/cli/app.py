@@ -23,8 +23,8 @@ from spacearm.errors import SpaceArmError, printable
 
 #: Name and place of each command, in the order of the help.
 PLACES = """
-models:models.list_models info:models.describe_model mount:models.write_model
-convert:models.write_model query:queries.report_singularity nearest:queries.find_nearest
+models:models.list_models info:models.describe_model mount:models.mount_arm
+convert:models.convert_robot query:queries.report_singularity nearest:queries.find_nearest
 box:boxes.find_box boxes:boxes.cover_by_boxes path:queries.check_path
 view:views.view_configuration map:queries.draw_singular_map
 workspace:workspaces.compute_workspace risk:workspaces.compute_risk

@@ -75,8 +75,8 @@ def run_study(
             err.print("stopped; run the same command again to go on")
             code = INTERRUPTED
     out.print(
-        f"{store}: {latest.total:,} chunks, {latest.kept:,} kept, {latest.computed:,} computed, "
-        f"{latest.failed:,} failed"
+        f"{store}: {latest.total:,} chunk{'s' * (latest.total != 1)}, {latest.kept:,} kept, "
+        f"{latest.computed:,} computed, {latest.failed:,} failed"
     )
     return code
 
@@ -115,7 +115,7 @@ def _print_status(study: sa.Study, store: Path) -> int:
     if errors:
         tables.append(Table(("chunk", "error"), errors[:10], "Failed"))
     ready, total = sum(q.done for q in found), sum(q.chunks for q in found)
-    verdict = f"{ready:,} of {total:,} chunks done"
+    verdict = f"{ready:,} of {total:,} chunk{'s' * (total != 1)} done"
     print_description(Description(title=store.name, verdict=verdict, tables=tables))
     return 1 if errors else 0
 
@@ -135,7 +135,7 @@ def _print_estimate(study: sa.Study, store: Path, cores: int) -> None:
     verdict = "the cluster has no workers yet"
     if cores:
         time = timedelta(seconds=math.ceil(seconds / cores))
-        verdict = f"about {time} on {cores} cores, start of the workers apart"
+        verdict = f"about {time} on {cores} core{'s' * (cores != 1)}, start of the workers apart"
     folder = next(p for p in (store.absolute(), *store.absolute().parents) if p.exists())
     free = shutil.disk_usage(folder).free
     disk = f"disk: at most {size / 1e6:,.3g} MB of {free / 1e6:,.0f} MB free"

@@ -119,10 +119,10 @@ class Closure(NamedTuple):
             z, r = other, left
         return at(z)
 
-    def open(self, q: Array, X: pin.SE3) -> float:
-        """Return how far tips are from their grasps at most, joints q (n,) [m], [rad]."""
+    def gaps(self, q: Array, X: pin.SE3) -> Gaps:
+        """Return how far tips are from their grasps at most, joints q (n,)."""
         tips = kinematics(self.arm, q.copy(), pin.SE3.Identity()).tips
-        return max(Gaps.of(tips, X, self.grasps))
+        return Gaps.of(tips, X, self.grasps)
 
 
 def placed(

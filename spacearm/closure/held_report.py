@@ -371,7 +371,7 @@ def closed_map(
             pose = pin.SE3(pin.exp3(by[3:]) @ home.rotation, home.translation + by[:3])
             X = cfg.base.actInv(pose) if target else pose.inverse()
             q, _ = closure.solved(start, X)
-            if closure.open(q, X) <= OPEN:
+            if max(closure.gaps(q, X)) <= OPEN:
                 there, held = placed(cfg, target, q, X)
                 closed = closed_motions(there, held, mode)
                 distance[i, j] = closed_distances(there, closed, mode).distances[-1]

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, ArrayLike, finite, generator, positive, shape_of
-from spacearm.closure.closing import Closure, anywhere, named
+from spacearm.closure.closing import Closure, Gaps, anywhere, named
 from spacearm.closure.target_paths import with_target
 from spacearm.collisions.bodies import but_for, left_out
 from spacearm.collisions.separation import Collisions
@@ -263,7 +263,10 @@ class Freed:
         for share in np.linspace(0.0, 1.0, NODES + 1)[1:]:
             there = pose * pin.SE3(np.eye(3), -share * self.approach)
             way.append(self.closure.solved(way[-1], there)[0])
-            if self.closure.open(way[-1], there) > OPEN or np.abs(way[-1] - way[-2]).max() > STRIDE:
+            if (
+                max(self.closure.gaps(way[-1], there)) > OPEN
+                or np.abs(way[-1] - way[-2]).max() > STRIDE
+            ):
                 far = share * float(np.linalg.norm(self.approach))
                 raise NoSolutionError(
                     f"the hand cannot back off by more than {far:.3g} m: joint limits or a "
@@ -306,21 +309,22 @@ class Freed:
         Raises:
             NoSolutionError: There are none.
         """
-        rng, found, gap = generator(self.search.seed), list[Array](), np.inf
+        rng, found, least = generator(self.search.seed), list[Array](), Gaps(np.inf, np.inf)
         for number in range(POSTURES + 1):
             self.account.check_time()
             other = anywhere(self.arm, self.constraints.limits, rng)
             there = self.closure.solved(q + number / POSTURES * (other - q), pose)[0]
-            gap = min(gap, self.closure.open(there, pose))
+            gaps = self.closure.gaps(there, pose)
+            least = min(least, gaps, key=max)
             new = all(np.abs(there - known).max() > SAME for known in found)
-            if self.closure.open(there, pose) <= OPEN and new:
+            if max(gaps) <= OPEN and new:
                 found.append(there)
                 yield there
         if not found:
             raise NoSolutionError(
-                f"from here and {POSTURES} random postures on, the hand stays {gap:.3g} m or rad "
-                "off the grasp while the others keep still; lead the target nearer first, by "
-                f"Held.plan{', or limits=False' * self.constraints.limits}"
+                f"from here and {POSTURES} random postures on, the hand stays {least.gap:.3g} m "
+                f"and {least.turn:.3g} rad off the grasp while the others keep still; lead the "
+                f"target nearer first, by Held.plan{', or limits=False' * self.constraints.limits}"
             )
 
     def regrasped(self, grasp: pin.SE3) -> Regrasp:

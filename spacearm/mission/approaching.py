@@ -36,7 +36,7 @@ from spacearm.mission.catch_report import Catch, grasp_of, in_hand
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.following import Followed, follow
-from spacearm.motion.goal import goal_axes, out_of_reach, twist_between
+from spacearm.motion.goal import goal_axes, largest, out_of_reach, twist_between
 from spacearm.motion.motion import Motion, samples
 from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.many_curves import drifting_attitudes, rotation_vectors, rotations_of
@@ -314,11 +314,11 @@ class Approach:
         cfg, arm = self.start, self.start.arm
         others = [i for i in SPACE if i not in arm.task.indices]
         ways = [twist_between(cfg.tip, pose).reshape(2, 3) @ goal_axes(cfg) for pose in poses]
-        off = float(np.abs([way.ravel()[others] for way in ways]).max(initial=0.0))
-        if off <= OFF_PLANE:
+        off = np.abs([way.ravel()[others] for way in ways]).max(axis=0)
+        if off.max(initial=0.0) <= OFF_PLANE:
             return ""
         return (
-            f"the grapple frame is up to {off:.3g} m or rad off the plane in which the tip of "
+            f"the grapple frame is up to {largest(off, others)} off the plane in which the tip of "
             f"{arm.name} moves"
         )
 

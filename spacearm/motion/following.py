@@ -177,12 +177,10 @@ def timed_curve(cfg: Configuration, path: Path, times: ArrayLike, at_rest: bool)
         raise ConfigurationError(f"times are {times!r}; give increasing times from 0 s on")
     if t[0] > 0.0:
         t, corners = np.append(0.0, t), [cfg.tip, *corners]
-    elif (
-        off := float(np.abs(goals.goal_rows(cfg, goals.twist_between(cfg.tip, corners[0]))).max())
-    ) > BEGIN:
+    elif np.abs(off := goals.miss(cfg, corners[0])).max() > BEGIN:
         raise ConfigurationError(
-            f"path begins at 0 s {off:.3g} m or rad from where the tip is; start there "
-            "(sa.plan leads there), or give the corners later times"
+            f"path begins at 0 s {goals.largest(off, cfg.arm.task.indices)} from where the tip is; "
+            "start there (sa.plan leads there), or give the corners later times"
         )
     turns = np.array([pin.SE3ToXYZQUAT(corner) for corner in corners])
     flips = np.sign((turns[1:, 3:] * turns[:-1, 3:]).sum(axis=1))

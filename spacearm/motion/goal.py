@@ -115,6 +115,12 @@ def miss(cfg: Configuration, goal: Goal) -> Array:
     return goal_rows(cfg, twist_between(cfg.tip, goal_pose(cfg, goal)))
 
 
+def largest(off: Array, rows: list[int]) -> str:
+    """Return the largest of deviations (k,), with the unit of its row of a twist."""
+    i = int(np.argmax(np.abs(off)))
+    return f"{abs(off[i]):.3g} {'m' if rows[i] % 6 < 3 else 'rad'}"
+
+
 def goal_rows(cfg: Configuration, twist: Array) -> Array:
     """Return the task's rows along the goal axes, unscaled, in [m] and [rad].
 

@@ -336,7 +336,7 @@ def run_chunks(
         return
     (name, error), *others = failed.items()
     raise SweepError(
-        f"{len(failed)} of {study.total} chunks failed "
+        f"{len(failed)} of {study.total} chunk{'s' * (study.total != 1)} failed "
         f"{ATTEMPTS} times each, the others are in {store}: {name}: {error}"
         + (f" (and {len(others)} more)" if others else ""),
         failed,

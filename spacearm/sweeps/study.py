@@ -262,8 +262,10 @@ class Study:
         return remade, (self.recipe,)
 
     def __repr__(self) -> str:
-        chunks = ", ".join(f"{name} in {self.count(name):,} chunks" for name in self.quantities)
-        return f"Study({math.prod(self.shape):,} designs of {', '.join(self.arms)}: {chunks})"
+        counts = {name: self.count(name) for name in self.quantities}
+        chunks = ", ".join(f"{name} in {k:,} chunk{'s' * (k != 1)}" for name, k in counts.items())
+        designs = f"{(k := math.prod(self.shape)):,} design{'s' * (k != 1)}"
+        return f"Study({designs} of {', '.join(self.arms)}: {chunks})"
 
 
 @lru_cache(maxsize=4)

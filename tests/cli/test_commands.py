@@ -178,6 +178,10 @@ def test_no_command_has_more_than_twenty_options():
         assert len(options) <= 20, name
 
 
+def test_each_command_says_what_it_is_for():
+    assert len({summary for _, summary in COMMANDS.values()}) == len(COMMANDS)
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_summary_of_a_command_is_what_its_own_help_begins_with(name):
     _, summary = COMMANDS[name]

@@ -308,13 +308,20 @@ def test_corners_are_passed_at_their_times(at_rest):
     [
         ({"times": [1.0]}, "times"),
         ({"times": [2.0, 1.0]}, "increasing"),
-        ({"times": [0.0, 1.0]}, "from where the tip is"),
+        ({"times": [0.0, 1.0]}, r"begins at 0 s 0\.\d+ m from where the tip is"),
         ({"times": [1.0, 2.0], "speed": 0.1}, "leave out speed"),
     ],
 )
 def test_wrong_times_are_refused(arm, options, message):
     with pytest.raises(sa.ConfigurationError, match=message):
         sa.follow(arm.at([0.3, 1.2]), [(1.2, 1.2), (1.3, 1.2)], **options)
+
+
+def test_a_path_that_begins_elsewhere_is_told_how_far_in_the_unit_of_the_row():
+    start = sa.load("mda6").at(np.radians([0, 60, -100, -50, 30, 0]))
+    turned = start.tip * sa.pose(rpy=(0.3, 0, 0))
+    with pytest.raises(sa.ConfigurationError, match=r"begins at 0 s 0\.\d+ rad from where"):
+        sa.follow(start, [turned, start.tip], times=[0.0, 1.0])
 
 
 @pytest.mark.slow

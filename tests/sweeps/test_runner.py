@@ -72,6 +72,11 @@ def test_chunks_larger_than_what_is_in_memory_at_a_time():
     assert large.compute(Chunk("risk", 0))["configurations"].sum() == 80_000
 
 
+def test_one_chunk_is_one_chunk():
+    study = sa.Study.parse('arms = ["planar2"]\n[shells]')
+    assert repr(study) == "Study(1 design of planar2: shells in 1 chunk)"
+
+
 def test_single_precision_rounds_once(study):
     single = sa.Study.parse(STUDY + "single = true\n")
     found = single.compute(Chunk("sigma_min", 3))["sigma_min"]
