@@ -71,7 +71,7 @@ def plain(value: Any) -> Any:
         return {f.name: plain(getattr(value, f.name)) for f in fields(value) if f.name[0] != "_"}
     if callable(value):
         return repr(value)
-    raise TypeError(f"a {type(value).__name__} has no form as plain data")
+    raise TypeError(f"a {type(value).__name__} cannot be written as plain data")
 
 
 def named(result: Any) -> dict[str, Any]:
@@ -186,7 +186,7 @@ def numbers_of(values: object, name: str) -> Array:
         return np.array(values, dtype=np.float64)
     except NO_NUMBERS as error:
         if isinstance(error, RuntimeError):  # a tensor says what it wants
-            raise ConfigurationError(f"{name} holds no numbers: {error}") from None
+            raise ConfigurationError(f"{name} does not hold numbers: {error}") from None
         instead = "its .q" if hasattr(values, "q") else "numbers, in rows of one length"
         raise ConfigurationError(f"{name} is {shown(values)}; give {instead}") from None
 

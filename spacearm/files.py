@@ -84,7 +84,7 @@ def arrays_in(path: Path, most: int | None = None) -> dict[str, npt.NDArray[Any]
     if packed:
         raise ValueError("it holds more data than it has bytes (compressed?); write it by save")
     if odd := [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]:
-        raise ValueError(f"{odd[0][:60]!r} is no array")
+        raise ValueError(f"{odd[0][:60]!r} is not an array")
     return arrays
 
 
@@ -157,7 +157,7 @@ def _beside(path: Path) -> Iterator[tuple[Path, Path]]:
     beside: Path | None = None
     try:
         if path.exists() and not path.is_file():
-            raise SpaceArmError(f"{path} cannot be written: it is no regular file; name another")
+            raise SpaceArmError(f"{path} cannot be written: it is not a regular file; name another")
         target = Path(os.path.realpath(path))
         beside = target.with_name(f".{token_hex(16)}.partial")
         beside.open("xb").close()

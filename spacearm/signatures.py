@@ -326,8 +326,8 @@ def check(thing: Callable[..., object], args: Sequence[object], kwargs: Mapping[
         others = [p.name for p in parameters.values() if p.kind is p.KEYWORD_ONLY]
         rest = f"; give by name: {', '.join(others)}" if others else ""
         raise ConfigurationError(
-            f"{name} was given {shown(args[len(ordered)])} after all that it takes in order: "
-            f"{', '.join(p.name for p in ordered) or 'nothing'}{rest}"
+            f"{name} was given {shown(args[len(ordered)])} after all its positional arguments: "
+            f"{', '.join(p.name for p in ordered) or 'none'}{rest}"
         )
     for p in parameters.values():
         if p.default is p.empty and p.kind in (*IN_ORDER, p.KEYWORD_ONLY) and p.name not in given:

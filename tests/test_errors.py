@@ -254,7 +254,7 @@ FIRST_DAY = {
         lambda: sa.view(arm(), open=False).save(3),
         "save: path is 3; give a text or a path",
     ),
-    "a tensor with a gradient": (lambda: arm().at(Gradient()), "q holds no numbers: .*grad"),
+    "a tensor with a gradient": (lambda: arm().at(Gradient()), "q does not hold numbers: .*grad"),
     "the same in a batch": (lambda: sa.evaluate(arm(), Gradient()), "Q"),
 }
 

@@ -270,7 +270,7 @@ def test_arms_are_told_by_name_poses_by_seven_numbers():
     np.testing.assert_allclose(told["1"][0], [1, 2, 3, 0, 0, 1, 0], atol=1e-12)
     assert np.isnan(told["1"][1])
     assert told["1"][2] == [0.0, 1.0]
-    with pytest.raises(TypeError, match="a object has no form as plain data"):
+    with pytest.raises(TypeError, match="a object cannot be written as plain data"):
         plain(object())
 
 

@@ -154,8 +154,8 @@ def _refused(error: TyperException) -> str:
     if left and "Did you mean" not in message:
         word = left[1].rstrip(")")
         option = word.startswith("-") and not NUMBER.fullmatch(word)
-        message = f"{word!r} is {'no option' if option else 'more than is taken'} here"
-    message = re.sub(r"is not a valid (?:int\w*|float)(?: range)?$", "is no such number", message)
+        message = f"{word!r} is {'not an option here' if option else 'one word too many'}"
+    message = re.sub(r"is not a valid (?:int\w*|float)( range)?$", "is not such a number", message)
     return message if message.endswith("?") else f"{message}; see --help"
 
 

@@ -469,7 +469,7 @@ def table_of(path: Path, what: str) -> tuple[list[str], Array]:
     for i, words in lines:
         for word in words:
             if not NUMBER.fullmatch(word):
-                raise sa.ConfigurationError(f"{what}, line {i}: {word!r} is no finite number")
+                raise sa.ConfigurationError(f"{what}, line {i}: {word!r} is not a finite number")
     widths = sorted({len(words) for _, words in lines})
     if len(widths) != 1:
         counts = listed([str(width) for width in widths]) or "no"
@@ -486,6 +486,6 @@ def _number(word: str | float) -> float:
     try:
         return float(word)
     except ValueError:
-        kind = "option" if re.match(r"--?[A-Za-z]", str(word)) else "number"
+        fault = "an option here" if re.match(r"--?[A-Za-z]", str(word)) else "a number"
         remedy = "a picture is --output FILE where --help has it" if word == "-o" else "see --help"
-        raise sa.ConfigurationError(f"{word!r} is no {kind} of this command; {remedy}") from None
+        raise sa.ConfigurationError(f"{word!r} is not {fault}; {remedy}") from None

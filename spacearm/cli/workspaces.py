@@ -60,7 +60,7 @@ def compute_workspace(
         ),
     )
     if effort is not None and result.effort == 0:
-        err.print("spacearm: note: --effort does not count: the bounds of this arm are proven")
+        err.print("spacearm: note: --effort has no effect: the bounds of this arm are proven")
     told = {}
     if free and not code:
         with working("the free workspace"):

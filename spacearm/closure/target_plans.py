@@ -51,7 +51,7 @@ DRAWN = (0.5, 0.2)
 THERE = 1e-9
 #: What stops branches, and what to relax.
 STOPS = {
-    "contact": ("met something", "move the obstacles, or see the way with collisions=False"),
+    "contact": ("met something", "move the obstacles, or plan without them: collisions=False"),
     "singular": ("came too near to a singular posture", "ask for a smaller clearance"),
     "limits": ("left the joint limits", "limits=False ignores them"),
     "turn": ("turned the spacecraft too far", "allow a larger keep_attitude"),
@@ -358,7 +358,7 @@ class TargetTree:
     @property
     def story(self) -> str:
         """How far the search came, what stopped it most, and what to relax, in words."""
-        come = f"{len(self.nodes) - 1} branches, none of which reaches the goal"
+        come = f"{len(self.nodes) - 1} branches tried, none of which reaches the goal"
         if not self.stops:
             return come
         counts = [f"{count} {STOPS[word][0]}" for word, count in self.stops.most_common()]

@@ -295,7 +295,7 @@ class Simulation:
         while solver.status == "running" and ended == "duration":
             if failure := solver.step():
                 raise errors.NoSolutionError(
-                    f"{arm.name}: the step collapsed at {solver.t:.4g} s: {failure}"
+                    f"{arm.name}: the step size collapsed at {solver.t:.4g} s: {failure}"
                 )
             piece, end = solver.dense_output(), solver.t
             after = self.rooms(end, solver.y)

@@ -126,7 +126,7 @@ def hull(name: str, points: Array) -> coal.Convex:
     except QhullError as error:
         raise ModelError(f"mesh {name!r} has no hull ({str(error).split(chr(10))[0]})") from None
     except RuntimeError:
-        raise ModelError(f"the hull of mesh {name!r} is too fine for coal") from None
+        raise ModelError(f"the hull of mesh {name!r} has too many corners for coal") from None
 
 
 def corners(solid: coal.CollisionGeometry) -> Array:

@@ -127,7 +127,7 @@ def _operand(tape: Tape, o: Any, mask: bool = False) -> Operand:
     try:
         return float(o)
     except (TypeError, ValueError):
-        raise TracingError(f"{type(o).__name__} is no number that can be traced") from None
+        raise TracingError(f"{type(o).__name__} is not a number that can be traced") from None
 
 
 def as_number(o: Any) -> Any:
@@ -380,7 +380,7 @@ class Expression:
         )
 
     def __float__(self) -> float:
-        raise TracingError("a symbol is no number while a function is traced")
+        raise TracingError("a symbol has no value while a function is traced")
 
     __int__ = __index__ = __float__
 

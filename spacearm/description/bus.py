@@ -120,7 +120,7 @@ class Bus(Parameters):
         else:
             raise ModelError("a bus needs a size [m] or an inertia [kg m^2]; give one or both")
         if rigid.point:
-            raise ModelError("inertia of the bus is zero; give that of a body with extension")
+            raise ModelError("inertia of the bus is zero; give that of an extended body")
         box = solid_box(rigid.mass, rigid.inertia)[1] if edges is None else edges
         return replace(body(self.name, rigid, edges, GOLD), notes=_doubts(rigid.mass, box))
 

@@ -104,7 +104,7 @@ def read_measured(path: Path, arm: SpaceArm) -> tuple[Motion, Array | None, Arra
         first, *lines = path.read_text(encoding="utf-8-sig").splitlines()
         values = np.array([[float(x) for x in line.split(",")] for line in lines if line.strip()])
     except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{path} is no table of numbers below one line: {error}") from None
+        raise ConfigurationError(f"{path} is not a table of numbers with a head: {error}") from None
     heads = [head.strip() for head in first.split(",")]
     if values.ndim != 2 or values.shape[1] != len(heads):
         raise ConfigurationError(f"{path} has lines of other lengths than its {len(heads)} heads")

@@ -243,14 +243,14 @@ class Catch(Result, kw_only=True):
             "contact": Measure(self.t, "s"),
             "joints at rest": Measure(self.t + self.brake.t[-1], "s"),
             "tip off the grapple frame": Measure(self.place_error, "m", ".1e"),
-            "turned off it": Measure(self.turn_error, "rad", ".1e"),
+            "tip turned off it": Measure(self.turn_error, "rad", ".1e"),
             "relative velocity": Measure(float(rates[0]), "m/s", ".1e"),
             "relative angular velocity": Measure(float(rates[1]), "rad/s", ".1e"),
             "largest torques": Measure(self.torque, "N m"),
-            "the grapple bears": Measure(float(self.brake.borne[0]), "N"),
-            "and about it": Measure(float(self.brake.borne[1]), "N m"),
+            "force at the grapple": Measure(float(self.brake.borne[0]), "N"),
+            "moment about it": Measure(float(self.brake.borne[1]), "N m"),
             "angular momentum afterwards": Measure(self.momentum[3:], "N m s"),
-            "turns afterwards at": Measure(float(np.linalg.norm(self.tumble)), "rad/s"),
+            "angular rate afterwards": Measure(float(np.linalg.norm(self.tumble)), "rad/s"),
         }
         rows = [(c.t, c.grapple, "caught" if c.caught else "not", c.story) for c in self.tried]
         columns = (Column("contact", "s"), Column("grapple frame"), Column(""), Column(""))

@@ -163,7 +163,7 @@ class CatchRuns(Result, kw_only=True):
             shown = [Measure(float(x), unit) for x in (*np.percentile(values, (50, 95)), most)]
             rows.append((name, *shown, f"{np.mean(values > most):.1%}"))
         units = {"energy_lost": "J", "impulse": "N s", "dq": "rad/s", "tumble": "rad/s"}
-        words = ("energy lost", "impulse on the tip", "joint rate after braking", "turns then at")
+        words = ("energy lost", "impulse on the tip", "joint rate when braked", "angular rate then")
         after = list[tuple[Cell, ...]]()
         for (name, unit), word in zip(units.items(), words, strict=True):
             values = getattr(self, name)[self.caught]

@@ -182,7 +182,7 @@ def with_length(task: Task, tree: Tree, tips: Sequence[str], path: Path) -> Task
         length = max(map(tree.way_to, tips))
         if length == 0.0:
             raise ModelError(
-                f"{path}: the joints and the tip {tips[0]!r} are in one point, so that the arm has "
+                f"{path}: the joints and the tip {tips[0]!r} are at one point, so that the arm has "
                 "no length to scale a mixed task with; correct their poses in the file, or give a "
                 "length: task=Task('pose', length=...)"
             )

@@ -146,8 +146,8 @@ class WheelLoad(NamedTuple):
                 if value > most * (1.0 + ROUNDING):
                     times = f"{value / most:.3g} times" if most > 0.0 else "more than"
                     found.append(
-                        f"wheel {wheel.name}: {value:.4g} {unit}, {times} the {most:.4g} {unit} "
-                        "that it has"
+                        f"wheel {wheel.name}: {value:.4g} {unit}, {times} its limit of "
+                        f"{most:.4g} {unit}"
                     )
         if self.across > SPANNED:
             found.append(f"{self.across:.1%} of it is across the axes of all wheels")
@@ -177,7 +177,7 @@ class WheelLoad(NamedTuple):
         if not 1.0 < self.slower < np.inf:
             return ""
         took = np.ceil(duration * self.slower)
-        return f"in {took:.0f} s, all rates lower by as much, the wheels can hold it"
+        return f"in {took:.0f} s, at rates lower in proportion, the wheels can hold it"
 
     def table(self) -> Table:
         """Return the load of each wheel beside what it can."""

@@ -238,7 +238,7 @@ class Reactionless(DampedLeastSquares):
         if rank == n:
             raise UnsupportedError(
                 f"every joint motion turns the spacecraft: D_q has rank {rank} and {cfg.arm.name} "
-                f"{n} joints; Reactionless takes more joints than that"
+                f"{n} joints; Reactionless needs more joints than that"
             )
         J, wanted = self.jacobian(cfg), self._scaled(cfg, self.wanted(t, cfg))
         return _by_numbers(

@@ -196,13 +196,14 @@ class Flight(Trajectory, kw_only=True):
         names = ("tip",) if len(arm.tips) == 1 else arm.tips
         columns: list[Column | str] = [
             "phase", Column("from", "s", ".4g"), Column("to", "s", ".4g"), "ended by",
-            Column("turns then at", "rad/s", ".3g"), Column("most at the tip", "N", ".3g"),
-            Column("about it", "N m", ".3g"), Column("energy off by", "", ".1e"),
+            Column("angular rate then", "rad/s", ".3g"), Column("peak force at tip", "N", ".3g"),
+            Column("peak moment", "N m", ".3g"), Column("energy off by", "", ".1e"),
             *(Column(f"{n} at the end", "m") for n in names),
         ]  # fmt: skip
         return Description(
             title=arm.name,
-            verdict=f"{len(self.phases)} phases, {end:.6g} s, ended by {self.ended}",
+            verdict=f"{len(self.phases)} phase{'s' * (len(self.phases) > 1)}, {end:.6g} s, "
+            f"ended by {self.ended}",
             notes=self._left(),
             tables=[Table(columns, rows)],
             events=events_table(arm, self.events),

@@ -51,7 +51,7 @@ def jump_notes(size: float) -> list[str]:
         return []
     return [
         f"the joint rates jump, and what wheels hold by up to {size:.4g} N m s at once, which no "
-        "torque does; a path with times is smooth"
+        "torque can do; a path with times is smooth"
     ]
 
 
@@ -139,7 +139,7 @@ class Motion(Result):
                 "pin.SE3ToXYZQUAT does"
             )
         if (np.diff(self.t) <= 0.0).any():
-            raise ConfigurationError("motion: t does not grow; give the times in order, each once")
+            raise ConfigurationError("motion: t does not increase; give times in order, each once")
 
     @classmethod
     def of(cls, thing: Any) -> Motion:
@@ -329,7 +329,7 @@ class Motion(Result):
                 stored = {f.name for f in fields(kind) if f.metadata.get("in_file", True)} - {"arm"}
                 return kind(arm=arm, **{name: values[name] for name in stored})
         except ValueError as error:  # ConfigurationError too
-            raise ConfigurationError(f"{path} is no saved {what}: {error}") from None
+            raise ConfigurationError(f"{path} is not a saved {what}: {error}") from None
         if joints == arm.joint_names:
             raise ConfigurationError(
                 f"{path} holds a motion of an arm with {held} wheel{'s' * (held != 1)}, and "
@@ -625,8 +625,8 @@ class Trajectory(Motion, kw_only=True):
             load = WheelLoad(self.arm.wheels, *most)
             wheels, spun = [load.table()], load.exceeded
         balances = {
-            "energy off by": Measure(self.imbalance, "of what came and went", ".1e"),
-            "momentum off by": Measure(self.drift, "of what came and went", ".1e"),
+            "energy balance off by": Measure(self.imbalance, "of the energy exchanged", ".1e"),
+            "momentum balance off by": Measure(self.drift, "of that exchanged", ".1e"),
         }
         return replace(
             motion,

@@ -436,8 +436,8 @@ class Runs:
         if batch.status[run] == COLLAPSED:
             self.ended[run] = "step collapsed"
             self.fault[run] = (
-                f"the step collapsed at t = {t:.6g} s: the torques jump or are too stiff; smooth "
-                "them or lower the gains"
+                f"the step size collapsed at t = {t:.6g} s: the torques jump or are too stiff; "
+                "smooth them or lower the gains"
             )
             return
         self.ended[run], error = self._failure(run, t, y)

@@ -130,8 +130,8 @@ def audit(result: Trajectory, drift: float, integration: Integration) -> None:
     for what, off, more in (("energy", result.imbalance, still), ("momentum", drift, 0.0)):
         if off > AUDIT * integration.rtol + more:
             raise NoSolutionError(
-                f"{result.arm.name}: the balance of {what} is off by {off:.1e} of what came and "
-                "went; take smaller rtol and atol",
+                f"{result.arm.name}: the balance of {what} is off by {off:.1e} of what was "
+                "exchanged; take smaller rtol and atol",
                 result,
             )
 

@@ -115,7 +115,7 @@ def not_traced(user: UserFunction, _used_with: tuple[SpaceArm, BaseMode, str]) -
         inputs = {name: np.array(values) for name, values in zip(names, columns, strict=True)}
         values = interpreted(tape, inputs)[0]
     except Exception as error:  # whatever code does with arrays that are none
-        return f"it is no plain array code: {type(error).__name__}: {error}"
+        return f"it is not plain array code: {type(error).__name__}: {error}"
     for found, (_, value) in zip(values, known, strict=True):
         wanted = np.asarray(value, dtype=float)
         size = np.nanmax(np.abs(wanted), initial=0.0) + 1e-300

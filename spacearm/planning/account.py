@@ -42,8 +42,7 @@ REMEDIES = {
     "side": "start on the other side (another elbow or wrist) or give other joints at the goal",
     "near": "ask for a smaller clearance",
     "singular": "ask for a smaller clearance, or go by way of a posture in between (sa.Joints)",
-    "contact": "move the obstacles, lower their margins, or see how the way looks with "
-    "collisions=False",
+    "contact": "move the obstacles, lower their margins, or plan without them: collisions=False",
     "turn": "allow a larger turn, or let more joints count (joints='all')",
     "landing": "give a longer timeout, another seed, or a posture in between (sa.Joints)",
 }

@@ -58,7 +58,7 @@ def straight(problem: Problem) -> Rows:
     if np.linalg.norm(target.missed(start, start)) <= ARRIVED:
         return [start]
     if target.tip is None:
-        raise NoSolutionError("the goal is in joint space, no line leads there")
+        raise NoSolutionError("the goal is in joint space; no line leads there")
     rows = _along_line(problem, start, target.tip)
     if np.linalg.norm(target.missed(start, rows[-1])) > ARRIVED:
         raise NoSolutionError("the line ends with another attitude of the spacecraft")

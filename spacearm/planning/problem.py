@@ -335,7 +335,7 @@ def broken_as_flown(found: Plan, request: PlanRequest) -> tuple[str, str] | None
     def look() -> None:
         request.account.check_time()
         if next(looks) > MOST_LOOKS:
-            raise NoSolutionError("bodies come so near each other that no proof parts them")
+            raise NoSolutionError("bodies come too near to each other to be proven apart")
 
     if keep.collisions and (contact := contact_as_flown(found, look)):
         return "contact", f"as flown {contact}"
@@ -446,7 +446,7 @@ def _attitude(cfg: Configuration, attitude: ArrayLike | pin.SE3) -> Array:
     turn = pin.log3(cfg.base.rotation.T @ rotation)
     if len(axes) == 1 and np.linalg.norm(np.delete(turn, axes[0])) > ARRIVED:
         raise ImpossibleError(
-            f"impossible, proven: final_attitude is no turn about {'xyz'[axes[0]]} of the "
+            f"impossible, proven: final_attitude is not a turn about {'xyz'[axes[0]]} of the "
             f"spacecraft from its start, and {cfg.arm.name} turns it about nothing else"
         )
     return rotation

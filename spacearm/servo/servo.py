@@ -42,7 +42,7 @@ SEEN = 0.999
 #: Why the servo halts.
 HALTED = {
     "q": "the joint positions are not finite numbers",
-    "quaternion": "the attitude is no unit quaternion",
+    "quaternion": "the attitude is not a unit quaternion",
     "twist": "the commanded twist is not finite",
     "dt": f"dt is not a time above 0 and up to {LONGEST:g} s",
     "momentum": "the momentum is not finite",

@@ -169,7 +169,7 @@ def joint_states(arm: SpaceArm, messages: Iterable[Any]) -> Iterator[JointState]
 
 def _no_state(arm: SpaceArm, number: int) -> ConfigurationError:
     return ConfigurationError(
-        f"message {number} is no joint state of {arm.name}; give t and q, or name and position "
+        f"message {number} is not a joint state of {arm.name}; give t and q, or name and position "
         f"of: {listed(arm.joint_names)}"
     )
 

@@ -140,8 +140,8 @@ def _sampler_of_one_tip(arm: SpaceArm, minors: Integers, mode: BaseMode) -> Samp
     vanish = np.abs(np.linalg.det(chosen)) <= ROUNDING_OF_MINORS * sizes
     if (idle[minors].any(axis=1) | vanish).all():
         raise UnsupportedError(
-            f"{arm.name}: all minors of J* are rounding, the joints move rows of the task "
-            f"{arm.task.names!r} hardly at all; choose others"
+            f"{arm.name}: all minors of J* vanish within rounding: the joints hardly move the rows "
+            f"of the task {arm.task.names!r}; choose other rows"
         )
     return lambda Q: batch.minors(arm, Q, mode, rows, columns)
 
@@ -230,7 +230,7 @@ def _why_not_square(arm: SpaceArm) -> str | None:
         one = len(sliding) == 1
         which = f"joint {sliding[0]} is" if one else f"joints {listed(sliding)} are"
         what = "its position; lock it" if one else "their positions; lock them"
-        return f"{which} prismatic, and S is no trigonometric polynomial in {what}: locked={{...}}"
+        return f"{which} prismatic, and S not a trigonometric polynomial in {what}: locked={{...}}"
     if arm.coupling is not None:
         return MIMIC
     if n > k:

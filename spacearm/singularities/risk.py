@@ -171,7 +171,7 @@ def _edges(bins: object) -> Array:
     except (TypeError, ValueError):
         edges = np.empty(0)
     if edges.ndim != 1 or len(edges) < 2 or not (np.diff(edges) > 0.0).all():
-        raise ConfigurationError(f"bins is {bins!r}; give their number, or growing edges")
+        raise ConfigurationError(f"bins is {bins!r}; give their number, or increasing edges")
     return edges
 
 

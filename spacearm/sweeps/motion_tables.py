@@ -113,7 +113,7 @@ def _wrench(pushed: Table, link: str) -> Wrench:
     pieces.knows("times", "values")
     times, values = pieces.numbers("times"), pieces.values.get("values")
     if not isinstance(values, list) or len(values) != len(times) or (np.diff(times) <= 0.0).any():
-        raise pieces.fail("values", "give as many wrenches as growing times, each from then on")
+        raise pieces.fail("values", "give increasing times, and a wrench from each time on")
     rows = [Table(pieces.where, {"values": row}).numbers("values") for row in values]
     if any(len(row) != 6 for row in rows):
         raise pieces.fail("values", "give 6 numbers each, force [N] and torque [N m]")

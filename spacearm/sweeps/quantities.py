@@ -194,7 +194,7 @@ class Risk(Quantity):
         self.bound = table.positive(self.measure, float)
         self.edges, self.samples = table.axis("bins"), table.positive("samples", int)
         if len(self.edges) < 2 or self.edges[0] < 0.0 or (np.diff(self.edges) <= 0.0).any():
-            raise table.fail("bins", "give two or more growing edges of distance classes [m]")
+            raise table.fail("bins", "give two or more increasing edges of distance classes [m]")
         self.limits = table.take("limits", bool, False)
         classes = ("radius",), (len(self.edges) - 1,)
         attrs = {"units": "1", self.measure: f"{self.bound}"}

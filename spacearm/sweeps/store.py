@@ -248,7 +248,7 @@ def compare(path: Path, study: Study) -> None:
     remedy = "give another store, or finish that sweep with its own study, arms and version"
     found = _description(path / "zarr.json")
     if not found:
-        raise StoreError(f"{path} is no store of a sweep; give another store")
+        raise StoreError(f"{path} is not the store of a sweep; give another store")
     attributes = found.get("attributes", {})
     for key, ours in study.attributes.items():
         theirs = attributes.get(key) if isinstance(attributes, dict) else None

@@ -299,8 +299,8 @@ def _check_names(axes: list[str], asked: Iterable[Quantity]) -> None:
         fit = NAME.fullmatch(name) and not UNPRINTABLE.search(name)
         if names.count(name) > 1 or not fit:
             raise ConfigurationError(
-                f"an axis cannot be named {name!r}, which is the name of something else in the "
-                "store or none that files can have; name joints q1, q2, ..."
+                f"an axis cannot be named {name!r}: the store has that name already, or "
+                "no file can have it; name joints q1, q2, ..."
             )
 
 

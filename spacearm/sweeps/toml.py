@@ -175,16 +175,14 @@ def parse(text: str, what: str = "the study") -> Table:
         import tomllib
     except ImportError:
         raise UnsupportedError(
-            f"{what} needs Python 3.11 or newer: the first that reads TOML, and runs Zarr 3"
+            f"{what} needs Python 3.11 or newer, which reads TOML and runs Zarr 3"
         ) from None
     if LONG_KEY.search(text):  # tomllib takes time and memory as its square
-        raise ConfigurationError(
-            f"{what} has a key of more than {MOST_PARTS} parts; none has as many"
-        )
+        raise ConfigurationError(f"{what} has a key of more than {MOST_PARTS} parts; shorten it")
     depths = accumulate((c in "[{") - (c in "]}") for c in text)
     if max(depths, default=0) > MOST_NESTED:
         raise ConfigurationError(
-            f"{what} has lists or tables within more than {MOST_NESTED} others; none has as many"
+            f"{what} has lists or tables within more than {MOST_NESTED} others; nest fewer"
         )
     try:
         return Table(what.removeprefix("the "), tomllib.loads(text))

@@ -245,7 +245,7 @@ def _interval(value: object, about: float, kind: str, link: str) -> tuple[float,
             return float(low), float(high)
     raise ConfigurationError(
         f"{kind} of {link} is {value!r}; give a share between 0 and 1, or a pair of positive, "
-        "growing bounds"
+        "increasing bounds"
     )
 
 

@@ -332,7 +332,7 @@ def robust_plan(
     """
     if not isinstance(start, Configuration) or start.arm is not uncertain.arm:
         raise ConfigurationError(
-            "start is no configuration of the uncertain arm; make it by uncertain.arm.at(q)"
+            "start is not a configuration of the uncertain arm; make it by uncertain.arm.at(q)"
         )
     last: Plan | None = None
     for clearance in CLEARANCES:

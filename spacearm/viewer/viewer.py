@@ -329,7 +329,7 @@ class Viewer:
         """
         kind = Path(path).suffix.lower()
         if kind not in VIDEOS:
-            raise ConfigurationError(f"{path} is no video; a name ends in {', '.join(VIDEOS)}")
+            raise ConfigurationError(f"{path} is not a video; use {', '.join(VIDEOS)}")
         if any(edge < 2 or edge % 2 for edge in size):
             raise ConfigurationError(f"size is {size}; codecs need even numbers of pixels")
         rate = positive(per_second, "per_second", "pictures for each second")

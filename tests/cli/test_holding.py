@@ -94,7 +94,7 @@ def test_an_arm_holds_a_handrail(folder):
     [
         ((), "dual_ur5 describes no closed chain; give --grasp TIP=FRAME for each tip"),
         (("--grasp", "lef=0,0,1"), "unknown link 'lef'"),
-        (("--grasp", "left=1,2,x"), "'x' is no number"),
+        (("--grasp", "left=1,2,x"), "'x' is not a number"),
         (("--grasp", "left=1,2"), "give 3 finite numbers"),
         (("--grasp", "left=ring"), "the fixed world has no named frames"),
         (("--grasp", "left=9,9,9", "--fixed"), "a tip stays .* let what is held move: no --fixed"),

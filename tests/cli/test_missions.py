@@ -58,7 +58,7 @@ def test_a_motion_is_shown_beside_another(tmp_path):
         (compared,) = re.findall(r'"compared": "([^"]*)"', text)
         assert compared.startswith(name)
     for words, why in (
-        (("--motion", "one.npz", "--compare", "flying"), "flying is no saved motion"),
+        (("--motion", "one.npz", "--compare", "flying"), "flying is not a saved motion"),
         (("--compare", "fixed"), "there is no motion to compare; give --motion"),
         (("--video", "all.zip"), "there is no motion to take pictures of"),
         (("0.1", "0.2", "--motion", "one.npz"), "the motion has its own postures"),

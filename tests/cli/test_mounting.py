@@ -48,7 +48,7 @@ def arm_alone(tmp_path):
 def test_a_bus_for_an_arm_alone(arm_alone):
     refused = spacearm("query", arm_alone, "0.1", "0.2")
     assert refused.returncode == 2
-    assert "this is an arm alone" in refused.stderr
+    assert "this were an arm alone" in refused.stderr
     assert "--bus KG" in refused.stderr
     options = ("--bus", "90:1,2,3")
     got = answer("query", arm_alone, "0.1", "0.2", *options)

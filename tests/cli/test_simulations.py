@@ -99,7 +99,7 @@ def test_every_law_as_json(tmp_path, words):
     ("words", "message"),
     [
         (("0.1", "--target", "1", "1"), "1 joint value given"),
-        (("0.1", "x", "--target", "1", "1"), "'x' is no number"),
+        (("0.1", "x", "--target", "1", "1"), "'x' is not a number"),
         (("0.1", "0.2", "--target", "1"), "takes 2: x y"),
         (("0.1", "0.2", "--target", "9", "9"), "spacearm workspace"),
         (("0.1", "0.2", "--target", "1", "1", "--with", "controller.kp=NaN"), "kp"),

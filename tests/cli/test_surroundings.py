@@ -224,7 +224,7 @@ def test_a_run_that_was_stopped_says_how_far_it_came(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_effort_counts_where_it_says(tmp_path, monkeypatch):
     run = spacearm("workspace", "planar2", "--effort", 50, cwd=tmp_path)
-    assert "--effort does not count: the bounds of this arm are proven" in run.stderr
+    assert "--effort has no effect: the bounds of this arm are proven" in run.stderr
     monkeypatch.setattr("spacearm.workspaces.shells.STARTS", 1)
     words = ("workspace", "mda6", "--effort", 300, "--json")
     few = json.loads(spacearm(*words, cwd=tmp_path).stdout)

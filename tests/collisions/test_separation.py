@@ -293,7 +293,7 @@ def test_meshes_without_a_hull_are_named(tmp_path, name, scale, message):
 
 def test_a_corner_with_more_neighbours_than_coal_counts(tmp_path):
     trimesh.creation.cone(1.0, 2.0, sections=600).export(tmp_path / "cone.stl")
-    with pytest.raises(sa.ModelError, match="is too fine for coal"):
+    with pytest.raises(sa.ModelError, match="has too many corners for coal"):
         Collisions(boxy(tmp_path, '<mesh filename="cone.stl"/>'))
 
 

@@ -261,7 +261,7 @@ def test_what_cannot_be_traced_is_said():
     for function in (branches, lambda a: float(a), lambda a: range(a), lambda a: a == 1 or a):
         with pytest.raises(TracingError):
             trace(function, {"a": ()})
-    with pytest.raises(TracingError, match="dict is no number"):
+    with pytest.raises(TracingError, match="dict is not a number"):
         trace(lambda a: a + {}, {"a": ()})
     with pytest.raises(TracingError, match=r"numpy\.spacing"):
         trace(lambda a: np.spacing(a), {"a": (2,)})

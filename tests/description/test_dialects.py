@@ -121,7 +121,7 @@ def test_zero_rates_and_efforts_are_none_and_noted():
 def test_limits_of_continuous_joints_do_not_count():
     arm = load_text(with_limit('lower="-3" upper="3" effort="1" velocity="1"', "continuous"))
     assert (arm.lower[0], arm.upper[0]) == (-np.inf, np.inf)
-    assert arm.notes == ("limits of elbow do not count, as for all continuous joints",)
+    assert arm.notes == ("limits of elbow are ignored, as for all continuous joints",)
 
 
 def test_limits_that_look_like_degrees_are_said():

@@ -281,7 +281,7 @@ def test_two_arms_that_float_apart_are_a_question(tmp_path):
         '<joint name="free" type="floating"><parent link="bus"/><child link="other_bus"/></joint>'
     )
     with pytest.raises(
-        sa.ModelError, match="2 robots of 3 joints each, whose roots are bus, other"
+        sa.ModelError, match="2 robots of the most joints, 3, with roots bus, other"
     ):
         load(tmp_path, text.replace("</robot>", free) + other)
 

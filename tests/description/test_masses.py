@@ -123,7 +123,7 @@ def test_two_joints_on_one_axis_with_nothing_between_are_refused():
 def test_an_arm_alone_is_told_to_be_mounted(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(robot(frame("base"), ARM, joint("elbow", "base", "arm")))
-    with pytest.raises(sa.ModelError, match=r"as if this is an arm alone; mount it: sa\.mount\("):
+    with pytest.raises(sa.ModelError, match=r"as if this were an arm alone; mount it: sa\.mount\("):
         sa.load(path)
     assert sa.mount(path, sa.Bus(mass=9, size=(1, 1, 1))).mass == 12.0
 
@@ -276,7 +276,7 @@ def test_density_of_meshes(open_mesh, tmp_path):
 
 def test_a_mass_of_next_to_nothing_is_none():
     tool = link("tool", 4.2e-15), joint("mounted", "arm", "tool", kind="fixed")
-    with pytest.warns(sa.ModelWarning, match=r"'tool' \(line 6\) is 4.2e-15 kg: taken for no mass"):
+    with pytest.warns(sa.ModelWarning, match=r"'tool' \(line 6\) is 4.2e-15 kg: taken as massless"):
         arm = load_text(robot(*two_links(), *tool))
     assert arm.tip == "tool"
     assert arm.mass == pytest.approx(51.0, rel=1e-12)
@@ -299,7 +299,7 @@ def test_density_of_nothing():
 def test_an_arm_on_a_light_foot_is_noted():
     foot = link("foot", 0.5)
     arm = load_text(robot(foot, ARM, joint("elbow", "foot", "arm")))
-    assert "has 0.5 kg, and what moves on it 3 kg, as if this is an arm alone" in arm.notes[0]
+    assert "has 0.5 kg, and what moves on it 3 kg, as if this were an arm alone" in arm.notes[0]
 
 
 # --- notes ----------------------------------------------------------------------------------

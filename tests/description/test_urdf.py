@@ -44,7 +44,7 @@ BAD = {
         robot(*two_links(kind="hinge")),
         "joint 'elbow' .line [0-9]+. has type 'hinge'; use one of revolute",
     ),
-    "a floating joint": (robot(*two_links(kind="floating")), "has no joint that can move"),
+    "a floating joint": (robot(*two_links(kind="floating")), "no joint can move"),
     "a planar joint": (robot(*two_links(kind="planar")), "'elbow' is of type 'planar'"),
     "a zero axis": (robot(*two_links(axis=(0, 0, 0))), "joint 'elbow' has a zero axis"),
     "reversed limits": (

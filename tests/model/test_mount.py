@@ -298,7 +298,7 @@ def test_a_bus_without_joints_from_a_file_of_any_format(name, base, tmp_path):
     path = saved(BUSES[name].format(base), tmp_path, name)
     reference = sa.mount("vispa", sa.Bus(mass=80, inertia=np.diag([7, 8, 9]), name="hull"), ON_TOP)
     same(sa.mount("vispa", path, at=ON_TOP), reference)
-    with pytest.raises(sa.ModelError, match=r"no joint (that )?can move"):
+    with pytest.raises(sa.ModelError, match=r"no joint can move"):
         sa.load(path)
 
 

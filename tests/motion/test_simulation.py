@@ -482,7 +482,7 @@ def test_a_controller_that_fails_leaves_the_trajectory_so_far(controller, messag
     ],
 )
 def test_a_step_that_collapses_is_an_error(method, law):
-    with pytest.raises(sa.NoSolutionError, match="step collapsed at t = ") as caught:
+    with pytest.raises(sa.NoSolutionError, match="step size collapsed at t = ") as caught:
         sa.simulate(
             sa.load("planar2").at([0.1, 0.2]), law, 10.0, integration=sa.Integration(method=method)
         )

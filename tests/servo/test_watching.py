@@ -105,7 +105,7 @@ def test_messages_about_the_joints_of_others_are_left_out():
 @pytest.mark.parametrize("message", [{}, [], 3, "3", {"t": 1, "name": ["a"], "position": [1]}])
 def test_what_is_no_joint_state_is_named(message):
     servo = sa.Servo(sa.load("planar2"))
-    with pytest.raises(sa.ConfigurationError, match="message 1 is no joint state of planar2"):
+    with pytest.raises(sa.ConfigurationError, match="message 1 is not a joint state of planar2"):
         list(servo.watch([message]))
 
 

@@ -79,7 +79,7 @@ TIPS = re.compile(r"links could be the tip: ([^,;]+)")
 PARTS = (
     "part of an MJCF",
     "for other files to use",
-    "no robot file that is known",
+    "not a robot file of a known format",
     "load the file that includes this one",
 )
 """What is said of files that other files include."""

@@ -350,7 +350,7 @@ def test_bad_input(arm, about):
         sa.uncertain(arm, {"link_1": {"colour": 0.1}})
     with pytest.raises(sa.ConfigurationError, match="mass of link_1 is 2"):
         sa.uncertain(arm, {"link_1": {"mass": 2}})
-    with pytest.raises(sa.ConfigurationError, match="growing bounds"):
+    with pytest.raises(sa.ConfigurationError, match="increasing bounds"):
         sa.uncertain(arm, {"link_1": {"mass": (3.0, 2.0)}})
     with pytest.raises(sa.ConfigurationError, match="nothing is uncertain"):
         sa.uncertain(arm, {})

@@ -310,7 +310,7 @@ def test_a_motion_is_kept_as_a_video_as_long_as_the_motion(tmp_path, kind):
 @pytest.mark.parametrize(
     ("name", "options", "why"),
     [
-        ("run.avi", {}, r"no video; a name ends in \.gif, \.mp4, \.webm"),
+        ("run.avi", {}, r"not a video; use \.gif, \.mp4, \.webm"),
         ("run.mp4", {"size": (321, 240)}, "even numbers"),
         ("run.gif", {"per_second": 60.0}, "at most 50"),
         ("run.mp4", {"per_second": 0.0}, "per_second"),

@@ -287,11 +287,11 @@ class Forest:
         if asked := [tree for tree in trees if tips and all(_has(tree, tip) for tip in tips)]:
             trees = [asked[0], *(tree for tree in trees if tree is not asked[0])]
         if not trees or (trees[0].freedoms == 0 and not source.reading.rigid):
-            source.fail("has no joint that can move", "describe the joints of an arm")
+            source.fail("no joint can move", "describe the joints of an arm")
         alike = [tree.root for tree in trees if tree.freedoms == trees[0].freedoms]
         if len(alike) > 1 and not asked:
             source.fail(
-                f"holds {len(alike)} robots of {trees[0].freedoms} joints each, whose roots are "
+                f"holds {len(alike)} robots of the most joints, {trees[0].freedoms}, with roots "
                 f"{listed(alike)}",
                 "name the tip of one with tip=LINK, keep one of them, or join them to one "
                 "spacecraft",
@@ -423,7 +423,7 @@ def with_floating_base(source: Source, tree: Tree) -> Tree:
         )
     if not source.reading.spacecraft:
         source.warn(
-            f"joints {names} carry {spacecraft!r} as if it was a spacecraft that floats; they "
+            f"joints {names} carry {spacecraft!r} as if it were a floating spacecraft; they "
             "become joints of an arm on the bus: load the file without a bus to leave them out"
         )
         return tree

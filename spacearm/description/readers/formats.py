@@ -70,7 +70,7 @@ def _read(source: Source, root: etree._Element) -> Tree:
     if root.tag == "mujocoinclude":
         source.fail("is a part of an MJCF", "load the file that includes it")
     source.fail(
-        f"is no robot file that is known: its root element is <{root.tag!s}>",
+        f"is not a robot file of a known format: its root element is <{root.tag!s}>",
         "a URDF starts with <robot>, an SDF with <sdf>, an MJCF with <mujoco>",
     )
 

@@ -64,7 +64,7 @@ def checked(source: Source, tree: Tree) -> Tree:
         source.note(
             f"meshes are turned by their up axes: {listed(lying)}"
             if turn
-            else f"the up axes of meshes do not count, as in RViz and Gazebo: {listed(lying)}; "
+            else f"the up axes of meshes are ignored, as in RViz and Gazebo: {listed(lying)}; "
             "up_axes=True turns these meshes by them, the rpy of its <origin> a single one"
         )
     return tree
@@ -91,7 +91,7 @@ def _require_masses(source: Source, tree: Tree) -> None:
             )
         source.fail(
             f"the spacecraft {tree.root!r}, the root link, has no mass (its <inertial> is zero or "
-            "missing), as if this is an arm alone",
+            "missing), as if this were an arm alone",
             f"mount it: sa.mount({str(source.path)!r}, sa.Bus(mass=..., size=...)); or give that "
             "link a mass and an inertia",
         )
@@ -100,7 +100,7 @@ def _require_masses(source: Source, tree: Tree) -> None:
     if source.reading.spacecraft and spacecraft < LIGHT * moving:
         source.note(
             f"the spacecraft {tree.root!r} has {spacecraft:.3g} kg, and what moves on it "
-            f"{moving:.3g} kg, as if this is an arm alone: sa.mount puts it on one"
+            f"{moving:.3g} kg, as if this were an arm alone: sa.mount puts it on one"
         )
     if masses and not any(masses.values()):
         source.fail(

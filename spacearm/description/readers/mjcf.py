@@ -68,7 +68,7 @@ def _compiled(source: Source) -> Tree:
     except (ValueError, OSError, RuntimeError, mujoco.FatalError) as error:
         why = " ".join(str(error).split())
         part = ", or load the file that includes this one" * ("unrecognized element" in why)
-        source.fail(f"is not compiled by MuJoCo ({why})", f"correct it there{part}")
+        source.fail(f"cannot be compiled by MuJoCo ({why})", f"correct it there{part}")
 
 
 class _Reader:
@@ -424,7 +424,7 @@ class Geoms:
             return None, here
         mesh, path = self._given.get(name), self._source.path
         if mesh is None or not mesh.file:
-            problem = f"{path}: mesh {name!r} is no file; save it as one to see it"
+            problem = f"{path}: mesh {name!r} is not a file; save it as one to see it"
             return shapes.Unusable(problem), here
         R = pin.Quaternion(*mesh.refquat).normalized().matrix().T
         scale = mesh.scale

@@ -230,5 +230,5 @@ def _shape(thing: pin.GeometryObject) -> tuple[shapes.Shape, ...]:
     if path.suffix and path.is_file():
         scale = tuple(np.ravel(thing.meshScale).tolist())
         return (shapes.Shape(pose, shapes.Mesh(thing.meshPath, path.resolve(), scale), rgba),)
-    problem = f"geometry {thing.name!r} is no file; give the model one with the path of its mesh"
+    problem = f"geometry {thing.name!r} is not a file; give the model the path of its mesh"
     return (shapes.Shape(pose, shapes.Unusable(problem), rgba),)

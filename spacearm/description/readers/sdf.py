@@ -154,7 +154,7 @@ class _Reader:
         )
         if child == WORLD or parent == child or not {parent, child} <= forest.links.keys():
             source.fail(
-                f"{describe(joint)} leads from {parent!r} to {child!r}", "exchange or rename"
+                f"{describe(joint)} leads from {parent!r} to {child!r}", "exchange or rename them"
             )
         if kind in FREE or (kind == "planar" and parent == WORLD):
             source.warn(f"joint {name!r} of type {kind!r} is left out: {child!r} floats by itself")
@@ -364,7 +364,7 @@ def inertial(source: Source, link: etree._Element) -> Inertial | None:
     if mass < 0.0:
         source.fail(f"the <mass> of link {name!r} is {mass:g} kg", "give a positive mass")
     if 0.0 < mass < LEAST_MASS:
-        source.warn(f"the <mass> of link {name!r} is {mass:g} kg: taken for no mass")
+        source.warn(f"the <mass> of link {name!r} is {mass:g} kg: taken as massless")
         return None
     given = source.child(element, "inertia")
     I = np.eye(3)

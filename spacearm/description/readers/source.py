@@ -127,7 +127,7 @@ class Reading:
         paths = tuple(Path(folder) for folder in folders)
         for path in paths:
             if not path.is_dir():
-                raise ConfigurationError(f"packages: {path} is no folder; name one that exists")
+                raise ConfigurationError(f"packages: {path} is not a folder; name one that exists")
         return cls(
             check=check or "error",
             packages=paths,

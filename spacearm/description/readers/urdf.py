@@ -135,7 +135,7 @@ def _inertial(source: Source, link: etree._Element) -> Inertial | None:
     if m < 0.0:
         source.fail(f"{describe(mass)} is {m:g} kg", "give a positive mass")
     if 0.0 < m < LEAST_MASS:
-        source.warn(f"{describe(mass)} is {m:g} kg: taken for no mass")
+        source.warn(f"{describe(mass)} is {m:g} kg: taken as massless")
         return None
     products = ("ixy", "ixz", "iyz")
     none = "0" if not any(name in inertia.attrib for name in products) else None
@@ -248,7 +248,7 @@ def _resistance(source: Source, joint: etree._Element, name: str) -> float:
     value = evaluate(text or "0")
     if value is not None and 0.0 <= value <= LARGEST:
         return value
-    source.warn(f"{name}={text[:60]!r} of joint {joint.get('name')!r} is taken as none")
+    source.warn(f"{name}={text[:60]!r} of joint {joint.get('name')!r} is taken as 0")
     return 0.0
 
 
@@ -267,12 +267,12 @@ def _warn_of_limits(source: Source, robot: etree._Element, joints: Mapping[str, 
     doubts: tuple[tuple[Callable[[str], None], str, Callable[[Joint], object]], ...] = (
         (source.warn, "no limits on {}: taken as unlimited",
          lambda j: j.kind in ("revolute", "prismatic") and -j.lower == j.upper == math.inf),
-        (source.note, "limits of {} do not count, as for all continuous joints",
+        (source.note, "limits of {} are ignored, as for all continuous joints",
          lambda j: (given(j, "lower") or given(j, "upper"))
          and j.kind == "continuous" and not j.mimic),
-        (source.note, "rate limit of {} is zero or endless: taken as none",
+        (source.note, "rate limit of {} is zero or infinite: taken as none",
          lambda j: unread(j, "velocity")),
-        (source.note, "effort limit of {} is zero or endless: taken as none",
+        (source.note, "effort limit of {} is zero or infinite: taken as none",
          lambda j: unread(j, "effort")),
         (source.warn, "limits of {} look like degrees, and are taken as radians",
          lambda j: j.kind == "revolute" and any(MANY_TURNS < abs(x) < math.inf

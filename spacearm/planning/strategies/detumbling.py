@@ -103,11 +103,11 @@ class Detumbling:
                 return self._attempt(duration or LONGER**longer * soonest, random, bend)
         failed = self.attempts.failed
         reasons = list(dict.fromkeys(attempt.story for attempt in failed))[-3:]
-        told = f" At last: {'; '.join(reasons)}." if reasons else ""
+        told = f" Last attempts: {'; '.join(reasons)}." if reasons else ""
         raise self.account.failure(
             f"{name}: no plan found that ends at rest, in {len(failed)} attempts; torque and "
-            f"capacity of the wheels take at least {least:.4g} s.{told} To relax: a longer "
-            "duration, final_attitude open, or joints of the goal open",
+            f"capacity of the wheels take at least {least:.4g} s.{told} To relax: give a longer "
+            "duration, or leave final_attitude or joints of the goal open",
             self.best or alone,
         )
 

@@ -204,7 +204,7 @@ def reactionless(problem: Problem) -> Rows:
     """
     arm, tip = problem.start.arm, problem.target.tip
     if tip is None:
-        raise NoSolutionError("the goal is no place of the tip")
+        raise NoSolutionError("the goal is not a place of the tip")
     turns = len(turning_axes(arm))
     if arm.n < arm.task.k + turns:
         raise NoSolutionError(
