@@ -75,7 +75,7 @@ def rest(*_):
         (lambda: sa.JointPD([0, 1], 1, np.nan)(0, arm().at([0, 1]), np.zeros(2)), "kd is nan"),
         (lambda: sa.evaluate(arm(), [[0, 1]] * 99, threads=1.0), "threads is 1.0"),
         (lambda: sa.risk_profile(arm(), bins=0), "bins is 0; give a whole number from 1 on"),
-        (lambda: sa.risk_profile(arm(), bins=2.5), "bins is 2.5; give their number, or growing"),
+        (lambda: sa.risk_profile(arm(), bins=2.5), "bins is 2.5; give their number, or increasing"),
         (lambda: sa.risk_profile(arm(), bins="many"), "bins is 'many'"),
         (lambda: sa.risk_profile(arm(), samples=9.5), "samples is 9.5; give a whole number"),
         (lambda: sa.risk_profile(arm(), sigma_min=1, distance=2), "give only one of them"),

@@ -118,7 +118,7 @@ class Approach:
         grapples = cls.named(arm, target, grapple)
         early, late = finite(window, (2,), "window", "[s], the earliest and the latest contact")
         if not 0.0 <= early <= late:
-            raise ConfigurationError(f"window is {window!r}; give two growing times from 0 s on")
+            raise ConfigurationError(f"window is {window!r}; give two increasing times from 0 s on")
         most = shape_of(bears) == (2,) and np.asarray(bears, dtype=np.float64)
         if most is False or not (most > 0.0).all():
             raise ConfigurationError(f"bears is {bears!r}; give a force [N] and a moment [N m] > 0")

@@ -130,7 +130,7 @@ def test_help_and_version():
         (("query", "planar2", "1", "x"), "'x' is not a number"),
         (("query", "planar2", "1", "nan"), "q of joint 'joint_2' is nan"),
         (("query", "planar2", "1", "--", "-inf"), "q of joint 'joint_2' is -inf"),
-        (("query", "planar2", "1", "2", "--dge"), "'--dge' is no option"),
+        (("query", "planar2", "1", "2", "--dge"), "'--dge' is not an option"),
         (("boxes", "planar2", "-o", "b.png"), "a picture is --output FILE"),
         (("plan", "planar2", "1", "2", "--goal", "1", "1", "--with", "constraints.limits=False"),
          "limits is 'False'; give true or false, as TOML and JSON write them"),

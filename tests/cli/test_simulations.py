@@ -61,7 +61,7 @@ def test_the_mode_is_an_option_that_wins(command, words, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("command", "message"), [("plan", "mode 'fixed'"), ("detumble", "'--mode' is no option")]
+    ("command", "message"), [("plan", "mode 'fixed'"), ("detumble", "'--mode' is not an option")]
 )
 def test_the_mode_of_plans(command, message, capsys, monkeypatch):
     """Wheels of a detumbling motion hold at its end: it has no mode."""
@@ -210,7 +210,7 @@ controller = {law = "JointPD", target = [0.3, 0.9], kp = 1, kd = 1}
         (PD + "then = 'go'", '"release"'),
         (PD + "then = {grasp = {inertia = 1}}", "mass is 'missing'"),
         (PD + "plant.wrenches.spacecraft = {times = [0], values = [[1, 2]]}", "6 numbers"),
-        (PD + "plant.wrenches.spacecraft = {times = [1, 0], values = [[1], [2]]}", "growing times"),
+        (PD + "plant.wrenches.spacecraft = {times = [1, 0], values = [[1], [2]]}", "increasing times"),
     ],
 )
 def test_a_bad_file_of_phases_is_refused(tmp_path, text, message):

@@ -112,7 +112,7 @@ def test_packages_elsewhere(way, repository, tmp_path, monkeypatch):
 
 
 def test_packages_that_are_no_folder():
-    with pytest.raises(sa.ConfigurationError, match="packages: nowhere is no folder"):
+    with pytest.raises(sa.ConfigurationError, match="packages: nowhere is not a folder"):
         sa.load("planar2", packages=["nowhere"])
     with pytest.raises(sa.ConfigurationError, match="packages is 3; give a text or a path"):
         sa.load("planar2", packages=3)

@@ -364,7 +364,7 @@ def test_a_trajectory_is_saved_and_loaded(figure_5, tmp_path):
     with pytest.raises(sa.ConfigurationError, match="joint_3"):
         sa.Trajectory.load(path, sa.load("planar3"))
     path.write_bytes(b"nothing")
-    with pytest.raises(sa.ConfigurationError, match="no saved trajectory"):
+    with pytest.raises(sa.ConfigurationError, match="not a saved trajectory"):
         sa.Trajectory.load(path, figure_5.arm)
 
 
@@ -375,7 +375,7 @@ def test_a_trajectory_is_saved_and_loaded(figure_5, tmp_path):
         ("sigma_min", lambda a: a[:, None], "sigma_min holds float64 of shape"),
         ("base", lambda a: a.astype(str), "base holds <U32"),
         ("tip", lambda a: np.full_like(a, np.nan), "tip holds numbers that are not finite"),
-        ("t", lambda a: a[::-1], "t does not grow"),
+        ("t", lambda a: a[::-1], "t does not increase"),
         ("events_q", lambda a: a[:, :1], "events_q holds float64"),
         ("base", np.zeros_like, "base holds quaternions that are not of length 1"),
         ("tip", lambda a: 1e200 * a, "tip holds quaternions that are not of length 1"),
@@ -391,7 +391,7 @@ def test_damaged_trajectories_are_refused(figure_5, tmp_path, name, change, mess
     with np.load(path) as file:
         arrays = dict(file)
     np.savez(path, **(arrays | {name: change(arrays[name])}))
-    with pytest.raises(sa.ConfigurationError, match=f"no saved trajectory: .*{message}"):
+    with pytest.raises(sa.ConfigurationError, match=f"not a saved trajectory: .*{message}"):
         sa.Trajectory.load(path, figure_5.arm)
 
 
@@ -401,14 +401,14 @@ def test_files_that_are_no_archives_or_packed_ones_are_refused(figure_5, tmp_pat
     whole = path.read_bytes()
     for data in (whole[:-100], whole.replace(b"q.npy", b"p.npy"), whole[:500] + whole[600:]):
         path.write_bytes(data)
-        with pytest.raises(sa.ConfigurationError, match="no saved trajectory"):
+        with pytest.raises(sa.ConfigurationError, match="not a saved trajectory"):
             sa.Trajectory.load(path, figure_5.arm)
     with path.open("wb") as file:
         np.save(file, figure_5.q)
     for text in (path.read_bytes(), b"t,x,y\n0,1,1\n", b""):
         path.write_bytes(text)
         with pytest.raises(
-            sa.ConfigurationError, match=r"no saved trajectory: .* zip.* its save wrote"
+            sa.ConfigurationError, match=r"not a saved trajectory: .* zip.* its save wrote"
         ):
             sa.Trajectory.load(path, figure_5.arm)
     np.savez_compressed(path, t=np.zeros(1000))
@@ -433,7 +433,7 @@ def test_arrays_of_nothing_are_refused(figure_5, tmp_path, name, kind, shape):
         for entry in good.namelist():
             content = header.getvalue() if entry == f"{name}.npy" else good.read(entry)
             archive.writestr(entry, content)
-    with pytest.raises(sa.ConfigurationError, match="no saved trajectory"):
+    with pytest.raises(sa.ConfigurationError, match="not a saved trajectory"):
         sa.Trajectory.load(bad, figure_5.arm)
 
 

@@ -411,7 +411,7 @@ def test_plan_status_and_dry_run(study, study_file, whole, tmp_path):
         ("[1, 3]", '["a"]', sa.ConfigurationError, "list of numbers"),
         ("[1, 3]", "[]", sa.ConfigurationError, "one or more"),
         ("[1, 3]", "[1, nan]", sa.ConfigurationError, "numbers up to"),
-        ("to = 6", "to = -6", sa.ConfigurationError, "growing edges"),
+        ("to = 6", "to = -6", sa.ConfigurationError, "increasing edges"),
         ("points = 50", "points = 0.5", sa.ConfigurationError, "whole number"),
         ("points = 50", "points = 50_000_000", sa.ConfigurationError, "at most"),
         ("joints.q1", "joints.q9", sa.ConfigurationError, "unknown joint"),
