@@ -49,7 +49,7 @@ def arm_of(tmp_path, mesh, **options):
 def test_collada_units_count_everywhere_and_up_axes_nowhere(unit, metre, up, tmp_path):
     collada(tmp_path / "box.dae", unit, up, metre)
     arm = arm_of(tmp_path, '<mesh filename="box.dae"/>')
-    told = [note for note in arm.notes if note.startswith("the up axes of meshes do not count")]
+    told = [note for note in arm.notes if note.startswith("the up axes of meshes are ignored")]
     assert [note.partition(": ")[2].partition(";")[0] for note in told] == (
         [] if up == "Z_UP" else [f"'box.dae' ({up})"]
     )
