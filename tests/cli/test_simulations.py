@@ -210,7 +210,7 @@ controller = {law = "JointPD", target = [0.3, 0.9], kp = 1, kd = 1}
         (PD + "then = 'go'", '"release"'),
         (PD + "then = {grasp = {inertia = 1}}", "mass is 'missing'"),
         (PD + "plant.wrenches.spacecraft = {times = [0], values = [[1, 2]]}", "6 numbers"),
-        (PD + "plant.wrenches.spacecraft = {times = [1, 0], values = [[1], [2]]}", "increasing times"),
+        (PD + "plant.wrenches.spacecraft = {times = [1, 0], values = [[1], [2]]}", "increasing"),
     ],
 )
 def test_a_bad_file_of_phases_is_refused(tmp_path, text, message):
