@@ -81,7 +81,7 @@ __all__ = sorted(["__version__", *_HOMES])
 
 
 class _Package(ModuleType):
-    """This package; its folders and modules are no functions, and a call of them says so."""
+    """This package; its folders and modules are not functions, and a call of them says so."""
 
     def __setattr__(self, name: str, value: object) -> None:
         if isinstance(value, ModuleType) and value.__name__.startswith(f"{__name__}."):

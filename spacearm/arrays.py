@@ -152,7 +152,7 @@ def generator(seed: int | Sequence[int]) -> np.random.Generator:
     """Return the random numbers of a seed, or of several together.
 
     Raises:
-        ConfigurationError: One is no whole number from 0 on.
+        ConfigurationError: One is not a whole number from 0 on.
     """
     for one in seed if isinstance(seed, Sequence) else [seed]:
         whole(one, "seed", 0)

@@ -501,7 +501,7 @@ def are_numbers(value: object) -> bool:
 
 
 def _members(hint: Hint) -> tuple[Hint, ...]:
-    """Return the members of a union, `npt.ArrayLike` as one; of what is no union, itself."""
+    """Return the members of a union, `npt.ArrayLike` as one; of what is not a union, itself."""
     origin: Any = get_origin(hint)
     if origin not in (Union, types.UnionType):
         return (types.NoneType if hint is None else hint,)

@@ -232,7 +232,7 @@ def identify_held(arm: sa.SpaceArm, motion: Path, noise: str | None = None) -> s
     Options:
         motion (CSV|NPZ): The measurements: a table (CSV) with the column names of sa.write_motion,
             't [s]', 'q JOINT [rad]' and 'base x [m]' to 'base qw [1]', and better also 'dq JOINT
-            [rad/s]' and 'twist vx [m/s]' to 'twist wz [rad/s]'; or a motion that --save wrote.
+            [rad/s]' and 'twist vx [m/s]' to 'twist wz [rad/s]'. Or a motion that --save wrote.
         noise (V,W,DQ): Standard deviations of the spacecraft's velocity [m/s] and angular velocity
             [rad/s], and of joint rates; found from the residuals by default.
     """

@@ -320,7 +320,7 @@ def answering(
     Args:
         kind: As in `answer`; if empty there is no --output.
         *options: Which there are besides --deg and --json: "save", "view".
-        without: Parameters of the function that are no options.
+        without: Parameters of the function that are not options.
     """
     names = [*["output"] * bool(kind), *options, "deg", "as_json"]
 

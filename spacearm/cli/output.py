@@ -61,7 +61,7 @@ out = Terminal(width=None if sys.stdout and sys.stdout.isatty() else WIDE)
 
 err = Terminal(stderr=True, width=None if sys.stderr and sys.stderr.isatty() else WIDE)
 
-#: Seconds after which a command tells what it does where stderr is no terminal, and how often.
+#: Seconds after which a command tells what it does where stderr is not a terminal, and how often.
 FIRST, EVERY = 2.0, 10.0
 STYLES: Mapping[Tone, str] = {
     "": "", "good": "bold green", "caution": "bold yellow", "bad": "bold red"

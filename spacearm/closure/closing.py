@@ -10,8 +10,8 @@ The tips i hold one target, whose twist is v_t, while momentum is zero (free com
 
 M_t the momentum of the target per twist, G the twists of the grasps. With N^T G = 0 the joint
 rates that keep the grasps closed are those with N^T (J_b B + J_q) dq = 0, where v_b = B dq follows
-from the momentum; they move the target by v_t = G^+ (J_b B + J_q) dq. Where the fixed world is held
-it is the spacecraft that moves, by v_b, and J_q dq = -G v_b.
+from the momentum. They move the target by v_t = G^+ (J_b B + J_q) dq. Where the fixed world is
+held it is the spacecraft that moves, by v_b, and J_q dq = -G v_b.
 """
 
 from __future__ import annotations

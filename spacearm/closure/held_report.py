@@ -347,7 +347,7 @@ def closed_map(
     Each posture is closed from a neighbour, from the middle on.
 
     Raises:
-        ConfigurationError: An axis is no row of the task, or span or points is not valid.
+        ConfigurationError: An axis is not a row of the task, or span or points is not valid.
     """
     task, mode = cfg.arm.task, "fixed" if target is None else mode
     require_known("row", axes, task.rows, "axes: ")

@@ -434,19 +434,20 @@ def hold(
 ) -> Held:
     """Find a posture in which the tips of an arm hold one target, near a rough start.
 
-    Gauss-Newton steps of joints and target close the chain within the joint limits: from the start,
-    then from random postures farther and farther from it, with the target where it is given or at
-    the first tip. A start that is closed already is kept, with the target where the tips are.
+    Gauss-Newton steps of joints and target close the chain within the joint limits. They begin at
+    the start, then at random postures farther and farther from it. The target begins where it is
+    given, or at the first tip. A start that is closed already is kept, with the target where the
+    tips are.
 
     Args:
         start: The start. Its arm has all tips that hold: `sa.load(source, tip=["left", "right"])`.
         target: What is held, roughly where it is; its twist does not count. None for the fixed
             world, such as handrails of a station.
         grasps: What each tip holds: the name of a grapple frame of the target, or a pose in the
-            target's frame; for the fixed world a pose in the inertial frame. z points into what is
-            held, as the z axis of the hand does. Default, without a target: what the arm's file
-            closes, by an equality of MJCF or a joint of SDF that closes a loop, or two links that
-            hold each other; see `load`.
+            target's frame. For the fixed world it is a pose in the inertial frame. z points into
+            what is held, as the z axis of the hand does. Default, without a target: what the arm's
+            file closes, by an equality of MJCF or a joint of SDF that closes a loop, or two links
+            that hold each other; see `load`.
         fixed: Whether the target stays where it is; if the fixed world is held, whether the
             spacecraft does.
         limits: Whether the joints stay within their limits.

@@ -1,9 +1,10 @@
 """Regrasping: one of several hands lets go and grasps elsewhere, while the others hold on.
 
-Meanwhile the joints of the hands that hold are locked, and the target is a payload of one of them:
-what moves is one arm with one tip, and what is singular, planned and flown is that arm. The hand
-backs off from its grasp, moves to where it can close in on the other one, and closes in. Where the
-fixed world is held the spacecraft stands on it, as a body so heavy that no joint moves it.
+Meanwhile the joints of the hands that hold are locked, and the target is a payload of one of them.
+So what moves is one arm with one tip, and what is singular, planned and flown is that arm. The
+hand backs off from its grasp, moves to where it can close in on the other one, and closes in.
+Where the fixed world is held the spacecraft stands on it, as a body so heavy that no joint moves
+it.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A tree of postures is grown from the start. Each branch leads the target straight towards a random
 pose, in steps of J* with closure pulled back, until something stops it; from its end the goal is
-tried. The spacecraft turns by the way, so that a posture is known by its way only: branches begin
+tried. The spacecraft turns by the way, so that a posture is known by its way only. Branches begin
 where others end, and all of a way is led anew when a corner of it is left out. The way that is
 returned is led as `Held.follow` leads, at rest at each corner.
 """

@@ -1,7 +1,7 @@
 """Runs of arms that hold one target: simulated in time, with the forces at the grasps.
 
-Of the arms with the target on the first tip, v = (v_b, dq), the other tips i stay where the target
-carries them, C v = 0 with C_i = J_i - X_i J_0, X_i the twist of grasp i by that of the first. Hence
+The first tip carries the target, and v = (v_b, dq). The other tips i move with the target: C v = 0
+with C_i = J_i - X_i J_0, where X_i takes the twist of the first grasp to that of grasp i. Hence
 
     M dv + c = (0, tau) + C^T lambda,   C dv = -dC v - 2 b C v - b^2 e,
 
@@ -469,7 +469,7 @@ def _borne(tips: Sequence[str], bears: Sequence[float] | Mapping[str, Sequence[f
     """Return the largest force [N] and moment [N m] (tips, 2) of each grasp.
 
     Raises:
-        ConfigurationError: A name is no tip, or they are not two numbers above 0.
+        ConfigurationError: A name is not a tip, or they are not two numbers above 0.
     """
     given = bears if isinstance(bears, Mapping) else dict.fromkeys(tips, bears)
     errors.require_known("tip", given, tips, "bears: ")

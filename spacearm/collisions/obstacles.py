@@ -185,9 +185,9 @@ class Obstacle:
         Args:
             size: (3,) edges along the axes of its frame, or one length for a cube [m].
             pose: Pose of its centre.
-            **options: `name`, `margin` [m], `may_touch` (links that need not keep off), and, of one
-                that moves, `twist` ((6,), see `Obstacle`) or `along` (a `Motion`: the pose is then
-                in the frame of the spacecraft of that motion).
+            **options: `name`, `margin` [m], `may_touch` (links that need not keep off). An
+                obstacle that moves has a `twist` ((6,), see `Obstacle`) or `along`, a `Motion`:
+                the pose is then in the frame of the spacecraft of that motion.
 
         Raises:
             ConfigurationError: An argument does not make sense.

@@ -1,8 +1,8 @@
 """Separation: the bodies of an arm and of obstacles, and the proof that none meet on a motion.
 
-Distances are those of coal through Pinocchio. A motion is proven free by conservative advancement:
-on a piece of it no body comes nearer to another than by what the joints and the spacecraft move
-them. coal has that for two bodies on given paths, not for the bodies of a chain.
+Distances are those of coal through Pinocchio. A motion is proven free by conservative advancement.
+On a piece of it two bodies come nearer to each other by no more than the joints and the spacecraft
+move them. coal has that for two bodies on given paths, not for the bodies of a chain.
 """
 
 from __future__ import annotations
@@ -344,8 +344,8 @@ def collision_check(
     """Check whether the bodies of an arm meet each other or obstacles.
 
     Args:
-        thing: A configuration; or a motion, which is checked between its samples as `Motion.at` has
-            it, a `Plan` as it is flown: distances are no samples but bounds.
+        thing: A configuration; or a motion, which is checked between its samples as `Motion.at`
+            has it, a `Plan` as it is flown: distances are not samples but bounds.
         obstacles: What must not be met besides; see `plan`.
         progress: Called after every sample as progress(done, samples).
 

@@ -5,10 +5,10 @@ kind of motion from the other.
 
 At zero momentum the spacecraft reacts to joint rates dq so that the kinetic energy T is least of
 all motions with these rates: dT/dv_b = h = 0, and T is a convex square in v_b. So where one joint
-moves at unit rate, 2 T is no more than the inertia E of what it carries about its axis, the motion
-with the spacecraft at rest, and no more than that of all the rest, the motion with what it carries
-at rest. A body of mass m and least inertia I has a part of T: a point at r from its CM moves by no
-more than |v| + r |w|, where m |v|^2 + I |w|^2 <= E, hence by no more than sqrt(E (1/m + r^2/I)).
+moves at unit rate, 2 T is at most the inertia E of what it carries about its axis: the motion with
+the spacecraft at rest. It is also at most the inertia of all the rest: the motion with what it
+carries at rest. A body of mass m and least inertia I has a part of T: m |v|^2 + I |w|^2 <= E. A
+point at r from its CM moves at |v| + r |w| at most, hence at sqrt(E (1/m + r^2/I)) at most.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class SweptMotion(ABC):
         return len(self.path)
 
     def joints(self, u: float) -> Array:
-        """Return the joint positions (n,) at row u, between rows where it is no whole number."""
+        """Return the joint positions (n,) at row u, between rows if it is not a whole number."""
         return interpolated(self.path, u)
 
     def time(self, u: float) -> float:

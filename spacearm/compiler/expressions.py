@@ -385,7 +385,7 @@ class Expression:
     __int__ = __index__ = __float__
 
     def expressions(self) -> list[Expression]:
-        """Return the operands that are no numbers."""
+        """Return the operands that are not numbers."""
         return [operand for operand in self.operands if type(operand) is Expression]
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:

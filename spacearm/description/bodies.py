@@ -131,7 +131,7 @@ class Joint:
 
     Attributes:
         kind: "revolute", "continuous", "prismatic" or "fixed"; "wheel" for the axle of a momentum
-            wheel, which is no joint of the arm (see `spacearm.model.wheels`).
+            wheel, which is not a joint of the arm (see `spacearm.model.wheels`).
         origin: Pose of the joint frame in the parent link's frame.
         axis: (3,) unit vector in the joint frame.
         lower: Least angle [rad] or displacement [m].

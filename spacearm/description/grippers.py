@@ -2,12 +2,12 @@
 
 A finger is a short, light branch behind a body that an arm moves, its palm. Lengths count relative
 to the arm and masses relative to what the arm moves, so that units do not matter. What tells
-fingers from a wrist: there are three or more, or two that are alike, or one moves as the other does
-(mimic joints), or they are named so. Branches that end in hands of their own are arms, and so are
-two that have more joints than the arm before them, or axes that are not parallel. A single jaw is
-told by its name, by a frame for a tool on the body that it is hinged to, by the shape of that body,
-which reaches along the jaw, or by how it moves: little, across the palm, or from zero to one side
-as the joint before it does not.
+fingers from a wrist: there are three or more, or two that are alike, or one moves as the other
+does (mimic joints), or they are named so. Branches that end in hands of their own are arms, and so
+are two that have more joints than the arm before them, or axes that are not parallel. A single jaw
+is recognised by its name, by a tool frame on the body that it is hinged to, or by the shape of
+that body, which reaches along the jaw. Or it is recognised by how it moves: little, across the
+palm, or from zero to one side as the joint before it does not.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ MOST_JOINTS = (3, 5)
 def fingers(tree: Tree) -> dict[str, tuple[str, ...]]:
     """Return the joints at which the fingers of each gripper begin, by the link that moves them.
 
-    The link is the first of the palm's, as in `Tree.lumps`. The spacecraft is no palm.
+    The link is the first of the palm's, as in `Tree.lumps`. The spacecraft is not a palm.
     """
     return _Grippers(tree).found
 
@@ -308,7 +308,7 @@ FIXED = frozenset({"fixed", "static", "stationary"})
 DIGITS = frozenset({"index", "middle", "ring", "little", "pinky", "pinkie"})
 #: Words of joints that open and close a gripper, unless the joint turns a wrist.
 GRASPS = frozenset({"gripper", "grip", "grasp", "grasping", "pinch"})
-#: Words of what turns and is no arm.
+#: Words of what turns and is not an arm.
 WHEELS = frozenset({"wheel", "wheels", "rw", "flywheel", "rotor", "propeller", "caster"})
 WRISTS = frozenset(
     {"wrist", "roll", "pitch", "yaw", "rotate", "rotation", "pan", "tilt", "twist", "swivel"}

@@ -99,7 +99,7 @@ def closed_chain(tree: Tree, path: object = "") -> ClosedChain | None:
 
 
 def _fault(tree: Tree, tips: Sequence[str], first: set[str]) -> str:
-    """Say why these are no tips of arms that hold one thing; "" if they are."""
+    """Say why these are not tips of arms that hold one thing; "" if they are."""
     ways = [[joint for joint in tree.chain(tip) if joint.movable] for tip in tips]
     names = [[joint.name for joint in way] for way in ways]
     shared = [step[0] for step in zip(*names, strict=False) if len(set(step)) == 1]

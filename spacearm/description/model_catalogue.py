@@ -259,7 +259,7 @@ def bolted(
     """Return a bus with one arm more; arguments, and the names that it gets, as in `loading.mount`.
 
     Raises:
-        ModelError: The name is no text, or taken.
+        ModelError: The name is not a text, or taken.
     """
     known = find_arm(arm)
     path = known.path if known else formats.path_of(arm)
@@ -285,7 +285,7 @@ def _named_on(bus: Tree, arm: Tree, name: str | None) -> Tree:
     """Return an arm with the name, and the names of links and joints, that it gets on a bus.
 
     Raises:
-        ModelError: The name is no text, or taken.
+        ModelError: The name is not a text, or taken.
     """
     base = {*arm.lumps[arm.root]}
     base |= {joint.name for joint in arm.joints.values() if joint.child in base}

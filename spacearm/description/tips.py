@@ -1,11 +1,11 @@
 """Tips: the tip links of an arm, asked for, named by a file, or chosen as an engineer would.
 
 Where nobody names it, the tip is looked for on every arm, that is on every body behind which
-nothing but fingers moves: the frame there that has a name for tips, such as tool0 or hand_tcp, else
-the hand, else the last link before the fingers branch, else the link farthest out. Of several arms
-one that ends in such a frame or in a gripper comes before others, then the one with the most
-joints. Of frames at one place the one with the shortest name is taken. Where two are equally right
-the question is asked.
+nothing but fingers moves. It is the frame there that has a name for tips, such as tool0 or
+hand_tcp. Else it is the hand, else the last link before the fingers branch, else the link farthest
+out. Of several arms one that ends in such a frame or in a gripper comes before others, then the
+one with the most joints. Of frames at one place the one with the shortest name is taken. Where two
+are equally right the question is asked.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ class Tree:
         visuals: Shapes of the links that have any, by name.
         tips: Tip links that the file names itself; usually none.
         marks: Links without mass that only mark a place, such as a site, or are between the joints
-            in a row of one body. They can be tips, and are no leaves.
+            in a row of one body. They can be tips, and are not leaves.
         notes: What was assumed, repaired or left out as it was read, a sentence each.
         loops: Where closed chains are cut.
         cargo: A body that floats by itself, which loops hold; usually none.
@@ -221,8 +221,8 @@ class Tree:
         """Return the tree with joints locked at `values` [rad] or [m], by name, and their mimics.
 
         Raises:
-            ConfigurationError: A joint does not exist or mimics another, or its value is no finite
-                number.
+            ConfigurationError: A joint does not exist or mimics another, or its value is not a
+                finite number.
         """
         self.require_leading(values, "locked", "lock")
         for name, value in values.items():
@@ -302,7 +302,7 @@ class Tree:
         return [joint for joint in self.movable() if not joint.mimic]
 
     def require_leading(self, names: Iterable[object], argument: str, verb: str) -> None:
-        """Refuse what is no name of a movable joint, or of one that mimics another.
+        """Refuse what is not a name of a movable joint, or of one that mimics another.
 
         Args:
             names: What was given.
@@ -364,7 +364,7 @@ class Tree:
         """Return the tree with other limits of joints [rad] or [m].
 
         Raises:
-            ConfigurationError: A joint does not exist or cannot move, or its limits are no two
+            ConfigurationError: A joint does not exist or cannot move, or its limits are not two
                 numbers in growing order.
         """
         movable = {joint.name: joint for joint in self.movable()}

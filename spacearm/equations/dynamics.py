@@ -34,7 +34,7 @@ class Loads(NamedTuple):
 
 
 def unloaded(at: Posture) -> Loads:
-    """Return that nothing acts on the bodies."""
+    """Return the loads of an arm on which nothing acts."""
     count = len(at.masses)
     return Loads(np.zeros(3), np.zeros((count, 3)), np.zeros((count, 6)))
 
@@ -100,7 +100,7 @@ def inverse_dynamics(xp: Any, tree: Structure, at: Posture, dq: Any, ddq: Any) -
 
 
 def twists(xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads) -> tuple[Any, Any]:
-    """Compute the twists (N + 1, 6) of the bodies, beside a system CM at rest, and s dq (N, 6)."""
+    """Compute the twists (N + 1, 6) of the bodies, with the system CM at rest, and s dq (N, 6)."""
     rates = tree.gains @ dq
     s = at.s * rates[:, None]
     own = loads.h - loads.held.sum(axis=0)

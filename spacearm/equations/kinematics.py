@@ -6,11 +6,11 @@ angular]. `xp` is the array library: `compiler.numbers`, `compiler.symbols`, `ja
 `numpy`, whose arrays may hold the symbols of CasADi. Nothing branches on numbers or writes into
 arrays, so that derivatives can be taken through it.
 
-With s_i the axis of joint i as a twist and I_i the inertia of all that it carries, the momentum of
-the joints is A_q = [I_i s_i], that of the whole A_b = diag(M 1, D), and J* = J_q - J_b A_b^-1 A_q,
-equation (35) of Papadopoulos & Dubowsky (1993), DOI 10.1115/1.2897406. The tests hold this to
-`mechanics.jacobian`, which takes the momentum matrix from Pinocchio, and to
-`mechanics.barycentric_formulation`.
+With s_i the axis of joint i as a twist and I_i the inertia of all that it carries, the momentum
+per joint rate is A_q = [I_i s_i]. That of the whole per twist of the spacecraft is A_b = diag(M 1,
+D). Then J* = J_q - J_b A_b^-1 A_q, equation (35) of Papadopoulos & Dubowsky (1993), DOI
+10.1115/1.2897406. The tests hold this to `mechanics.jacobian`, which takes the momentum matrix
+from Pinocchio, and to `mechanics.barycentric_formulation`.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ class Structure:
 
 
 Z = np.array([0.0, 0.0, 1.0])
-#: Elements of a symmetric matrix (3, 3) that tell it, (6,) each.
+#: Elements of a symmetric matrix (3, 3) that determine it, (6,) each.
 ROWS, COLUMNS = np.triu_indices(3)
 #: Which of them stands where.
 SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])

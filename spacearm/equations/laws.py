@@ -328,7 +328,7 @@ def resolved_rates(
         J: (k, n) the Jacobian.
         wanted: (k,) xdot.
         least: Share of the largest singular value up to which the least one is zero.
-        rest: (n,) rates that the null space shall have; None for none.
+        rest: (n,) rates wanted in the null space; None for none.
         gain: Their factor.
     """
     k, n = J.shape

@@ -261,7 +261,7 @@ def at_length(
         pieces: Table of lengths at which pieces begin and end, of the number of their first
             interval and of how many there are.
         intervals: Table of (4, 3) position at both ends and its derivatives there, by the share of
-            the interval [m]; (3, 3) attitude at the start; (3, 3) turn to the end as a rotation
+            the interval [m]. (3, 3) attitude at the start. (3, 3) turn to the end as a rotation
             vector in inertial axes [rad], and the derivatives of the rotation vector at both ends.
         piece: Number of the piece.
         s: Length along the path.
@@ -285,7 +285,7 @@ def at_length(
 
 
 def judge(xp: Any, seen: Seen, now: tuple[Any, Any, Any, Any, Any], arrived: Any, c: How) -> Seen:
-    """Take note of a state just reached, and end the motion if it ends there.
+    """Record a state just reached, and end the motion if it ends there.
 
     Beyond a singularity of a square task, where det J* has changed its sign, the distance counts as
     negative.

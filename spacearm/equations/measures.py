@@ -1,15 +1,15 @@
 """How singular a configuration is: S, measures of J*, determinants seen from the tip, the distance.
 
 Seen from the tip, a free-floating arm is a chain from the tip to the spacecraft. Let B act on the
-twist of the tip and column P_j on the rate of joint j alone, the tip held still: the momentum of
-all that joint j then moves, which is everything on the spacecraft's side of it. The whole momentum
-is B xi + P dq, and det [A_b A_q; J_b J_q] (task rows) = +- det [B_f P], where f are the directions
-of xi outside the task. No inertia is inverted, and a light spacecraft gives a small column instead
-of a small difference of large numbers.
+twist of the tip, and column P_j on the rate of joint j alone, the tip held still. P_j is the
+momentum of all that joint j then moves, which is everything on the spacecraft's side of it. The
+whole momentum is B xi + P dq, and det [A_b A_q; J_b J_q] (task rows) = +- det [B_f P], where f are
+the directions of xi outside the task. No inertia is inverted, and a light spacecraft gives a small
+column instead of a small difference of large numbers.
 
-How far the nearest singular configuration is, and the way there, to first order, is told by the
-gradient g = u^T dJ* v of the least singular value, and of a redundant arm by u^T dJ* v_0 of all v_0
-of the null space, which must stay zero. `mechanics.distance` has the theory, and the same from the
+How far the nearest singular configuration is, and the way there, follow to first order from the
+gradient g = u^T dJ* v of the least singular value. Of a redundant arm u^T dJ* v_0 must also stay
+zero for all v_0 of the null space. `mechanics.distance` has the theory, and the same from the
 derivatives of the matrices.
 """
 
@@ -149,7 +149,7 @@ def tip_from_centre(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
 ZERO = 2.0**-48
 #: Slopes below this share of the norm of J are rounding.
 NOTHING = 1e-12
-#: Share of the norm of J below which slopes are no equations either: null vectors of a tiny
+#: Share of the norm of J below which slopes are not equations either: null vectors of a tiny
 #: sigma_min mix.
 ROUNDED = 1e-9
 
@@ -164,7 +164,7 @@ def distance(
         tree: The structure of an arm with at least as many joints as the task has rows.
         p: Its numbers.
         q: (n,) joint positions.
-        fading: Slopes below this times sigma_min are no equations [1/rad].
+        fading: Slopes below this times sigma_min are not equations [1/rad].
         radians: (n,) what counts as a radian of each joint.
 
     Returns:
@@ -259,7 +259,7 @@ def way_out(xp: Any, slopes: list[Any], norm: Any, sigma: Any, fading: Any) -> t
 
 
 def _across(rows: list[Any], x: Any, times: int = 2) -> Any:
-    """Return what of x is across orthonormal rows; twice is enough."""
+    """Return the part of x normal to orthonormal rows; twice is enough."""
     for _ in range(times if rows else 0):
         for row in rows:
             x = x - (row @ x) * row

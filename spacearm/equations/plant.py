@@ -1,9 +1,9 @@
 """The state of a simulated arm: its rate, the functions whose roots are events, what is reported.
 
-The state y is one array: positions q (n) and rates dq (n) of the joints, the spacecraft's attitude
-as a quaternion xyzw of any length, the system CM (3) [m], the momentum [linear; angular about the
-system CM] (6) in inertial axes, the work (4) of torques, passive joints, wrenches and wheels [J],
-and what each wheel holds (w) [N m s].
+The state y is one array. It holds positions q (n) and rates dq (n) of the joints, the spacecraft's
+attitude as a quaternion xyzw of any length, and the system CM (3) [m]. Then follow the momentum
+[linear; angular about the system CM] (6) in inertial axes, the work (4) of torques, passive
+joints, wrenches and wheels [J], and what each wheel holds (w) [N m s].
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """How fast an arm may follow a command: rates, accelerations, ends of joints, singular postures.
 
 The rates y of a servo are scaled so that they, the accelerations and the momentum that wheels take
-up keep their limits, so that the direction turns no faster than the accelerations allow, and so
-that an arm that brakes from now on, as its wish turns on, stays within its limits of position and
-farther than `stop` from the singular postures that are followed; see `equations.servo`, whose
+up keep their limits. The direction must turn no faster than the accelerations allow. An arm that
+brakes from now on, while the commanded direction turns on, must stay within its limits of position
+and farther than `stop` from the singular postures that are followed. See `equations.servo`, whose
 `Limits`, `Memory` and `Known` these functions take. Angles count in radians of each joint.
 """
 

@@ -69,8 +69,8 @@ def turn_and_effects(
         h: Length of the interval.
 
     Returns:
-        (3, 3) the turn; (2, 2, 3, n) how the axes at the end turn with q and with dq at each of the
-        points; (2, 6 tips, n) J* at these; `reactions` but for it at the second.
+        (3, 3) the turn. (2, 2, 3, n) how the axes at the end turn with q and with dq at each of
+        the points. (2, 6 tips, n) J* at these. At the second point, `reactions` but for J*.
     """
     point = xp.procedure(lambda q, dq: _point(xp, tree, p, q, dq))
     J1, A1, _, _, w1, G1 = point(q[0], dq[0])

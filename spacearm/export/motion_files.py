@@ -47,7 +47,7 @@ def write_motion(motion: Motion, path: str | os.PathLike[str]) -> Path:
 
     Raises:
         ConfigurationError: The suffix is none of these.
-        UnsupportedError: What was given is no motion, or the extra is not installed.
+        UnsupportedError: What was given is not a motion, or the extra is not installed.
         SpaceArmError: The file cannot be written.
 
     Example:

@@ -4,9 +4,10 @@ Few configurations are answered by the reference, or by the equations run over n
 takes some tenths of a second. The choice depends on the amount of work alone, so that the same
 call gives the same digits.
 
-For many configurations the numbers of an arm that are zero or one by its build are compiled in and
-the others are arguments, so that arms that differ in masses and lengths only run the same machine
-code. For fewer all numbers are arguments, so that all arms whose joints follow each other alike do.
+For many configurations the numbers that are zero or one by the structure of the arm are compiled
+in, and the others are arguments. So arms that differ in masses and lengths only run the same
+machine code. For fewer all numbers are arguments, so that all arms whose joints follow each other
+alike do.
 """
 
 from __future__ import annotations

@@ -4,9 +4,9 @@ Dynamic Singularities in Free-Floating Space Manipulators, J. Dyn. Sys. Meas. Co
 (1993), DOI 10.1115/1.2897406; here for any joint axes and link frames.
 
 Body 0 is the spacecraft, bodies 1..N the links, joint k joins body k-1 to body k; CM stands for
-centre of mass. r_k goes from body k's CM to joint k+1 (for the body that carries the tip: to the
-tip E, in r_E), l_k from body k's CM to joint k. All vectors are in spacecraft axes (the paper's
-left superscript 0) unless said otherwise.
+centre of mass. r_k goes from body k's CM to joint k+1, and l_k to joint k. For the body that
+carries the tip E, r_E goes to the tip. All vectors are in spacecraft axes (the paper's left
+superscript 0) unless said otherwise.
 
 Nothing here uses the centroidal momentum matrix: the tests compare the two routes to J*.
 """

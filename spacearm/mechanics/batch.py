@@ -58,7 +58,7 @@ def joint_rows(arm: SpaceArm, values: ArrayLike, what: str) -> Array:
     """Check values (m, n), a row for each state, and return them, not copied if they are an array.
 
     Raises:
-        ConfigurationError: They are no numbers, or have another shape.
+        ConfigurationError: They are not numbers, or have another shape.
     """
     array: npt.NDArray[Any] = values if isinstance(values, np.ndarray) else numbers_of(values, what)
     if array.size == 0 and array.ndim < 2:
@@ -72,7 +72,7 @@ def joint_rows(arm: SpaceArm, values: ArrayLike, what: str) -> Array:
 
 
 def read_block(Q: Array, block: slice) -> tuple[npt.NDArray[np.float64], Integers]:
-    """Read one block of Q (m, n), and the numbers of its rows that are no joint positions.
+    """Read one block of Q (m, n), and the numbers of its rows that are not joint positions.
 
     These rows are zero.
     """
@@ -177,10 +177,10 @@ def evaluate(
             block by block.
         quantities: Of "sigma_min" (least singular value of the task Jacobian), "manipulability"
             (product of the singular values), "condition" (largest over least), "determinant"
-            (equation (37); NaN unless the task has as many rows as the arm has joints) and "radius"
-            (R of equation (43), distance of the tip from the system CM [m]); and, not by default
-            because they take the derivative of J*, "distance" (to the singular set, to first
-            order [rad]) and "away" (its gradient: the joint motion per radian of distance
+            (equation (37); NaN unless the task has as many rows as the arm has joints) and
+            "radius" (R of equation (43), distance of the tip from the system CM [m]). Not by
+            default, because they take the derivative of J*: "distance" (to the singular set, to
+            first order [rad]) and "away" (its gradient: the joint motion per radian of distance
             that leads away), as by `singularity` without a search. Together these two take two to
             four times as long as sigma_min: `python benchmarks/distance.py` prints it.
         out: Arrays to write to, memory maps included, for some or all of the quantities.
@@ -392,7 +392,8 @@ def _rows(values: ArrayLike | None, m: int, width: int, what: str) -> Array:
     """Return numbers as (m, width), a row for each state, zeros if None.
 
     Raises:
-        ConfigurationError: They are no numbers, or have another shape than (width,) or (m, width).
+        ConfigurationError: They are not numbers, or have another shape than (width,) or (m,
+            width).
     """
     rows = np.zeros(width) if values is None else numbers_of(values, what)
     if rows.shape not in ((width,), (m, width)):

@@ -1,8 +1,8 @@
 """How far in joint space the nearest singular configuration is, to first order.
 
 J = U diag(sigma) V^T (k, n) has r ranks less where U_r^T J(q + dq) V_r = 0, with U_r and V_r the
-columns of U and V from the r-th last singular value on: those of the r least singular values, and
-of the null space. To first order this is a linear system for dq,
+columns of U and V from the r-th last singular value on. These are those of the r least singular
+values, and of the null space. To first order this is a linear system for dq,
 
     U_r^T dJ[dq] V_r = -[diag(sigma_r) 0],
 
@@ -10,20 +10,20 @@ r equations for every column of V_r, and the least solution leads to the nearest
 
 For r = 1 and a square J the equation is g . dq = -sigma_min, with g = u^T dJ v the gradient of
 sigma_min, hence the distance is sigma_min / |g|. A redundant arm must also keep u^T dJ[dq] v_0 = 0
-for every v_0 of the null space, because its singular set has codimension n - k + 1: sigma_min grows
-about it like a cone, and only the part of g that these equations leave counts. The distance is
-sigma_min / |P g|, P the projection on their solutions; sigma_min / |g| would be too short.
+for every v_0 of the null space, because its singular set has codimension n - k + 1. About the set
+sigma_min grows like a cone, and only the part of g that these equations leave counts. The distance
+is sigma_min / |P g|, P the projection on their solutions; sigma_min / |g| would be too short.
 
 Some arms lose rank where fewer equations hold: of one with spherical shoulder and wrist a straight
 elbow suffices. There the slopes u^T dJ v_0 vanish as sigma_min does, and what is left of them is no
 equation. So the projection is that of ridge regression: it leaves what slopes up to lambda, the
 share `FADING` of sigma_min per radian, say.
 
-This is one step of Newton's method. Where it is short the set is bent too much for it now and
-then: it is followed by a second one, from where the first has led, to the point nearest to q on the
-linearised set there (`project`). That is the iteration of the first-order reliability method,
-which measures the distance to a failure set alike: Hasofer & Lind, J. Eng. Mech. 100, 111-121
-(1974); Rackwitz & Fiessler, Comput. Struct. 9, 489-494 (1978).
+This is one step of Newton's method. Where it is short, the set may be bent too much for it. So a
+second step follows, from where the first has led to the point nearest to q on the set linearised
+there (`project`). That is the iteration of the first-order reliability method, which measures the
+distance to a failure set alike: Hasofer & Lind, J. Eng. Mech. 100, 111-121 (1974); Rackwitz &
+Fiessler, Comput. Struct. 9, 489-494 (1978).
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class RankDistances(NamedTuple):
 
     Attributes:
         distances: (k,) entry j is the distance at which the singular values from j on vanish
-            together; growing from the last to the first. inf where no motion of the joints makes
+            together. It grows from the last to the first. inf where no motion of the joints makes
             them vanish to first order; zero for those that a J with k > n never has.
         sigma: The least singular value.
         rows: (1 + |n - k|, n) rows as in `Linearisation`.
@@ -100,7 +100,7 @@ def rank_distances(
         J: (k, n) the task Jacobian, per unit of distance of each joint.
         dJ: (n, k, n) its derivative, likewise per unit of each joint.
         floor: Singular values up to this are zero.
-        fading: Slopes below this times sigma_min are no equations [1/rad].
+        fading: Slopes below this times sigma_min are not equations [1/rad].
     """
     U, sigma, VT = np.linalg.svd(J)
     (k, n), p = J.shape, len(sigma)

@@ -1,9 +1,9 @@
 """Free rotation: how a rigid body turns without torque, in closed form at any time.
 
-In principal axes the angular velocity is w_n = A_n cn(u), w_s = A_s sn(u), w_d = A_d dn(u) with
-u = p t + u_0, where d is the axis that the rotation stays about, s the middle one and n the other
-(Jacobi; Landau & Lifshitz, Mechanics, section 37). With l = I w and z = l / |l| in body axes, one
-principal axis e turns about the momentum at the rate
+In principal axes the angular velocity is w_n = A_n cn(u), w_s = A_s sn(u), w_d = A_d dn(u) with u
+= p t + u_0 (Jacobi; Landau & Lifshitz, Mechanics, section 37). Here d is the axis that the
+rotation stays about, s the intermediate one and n the other. With l = I w and z = l / |l| in body
+axes, one principal axis e turns about the momentum at the rate
 
     psi' = (2 T / |l| - w_e z_e) / (1 - z_e^2),
 

@@ -66,8 +66,8 @@ class Target(Described):
             the hand is where such a frame is when it grasps; z points into the target, as the z
             axis of the hand does. Links without mass of a file count too.
         orbit: Orbital rate of the chaser [rad/s]; 0 far from any orbit. The inertial axes are then
-            x radial, outwards, y along the track and z normal to the orbit at time 0, and the
-            system CM of the chaser is at the origin of the inertial frame.
+            those of the orbit at time 0: x radial, outwards, y along the track and z normal to the
+            orbit. The system CM of the chaser is at the origin of the inertial frame.
         name: What it is called. Default: the name of the body.
 
     Raises:

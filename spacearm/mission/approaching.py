@@ -139,7 +139,7 @@ class Approach:
 
         Raises:
             ConfigurationError: There is no such frame.
-            UnsupportedError: The arm has several tips, or its task is no pose.
+            UnsupportedError: The arm has several tips, or its task is not a pose.
         """
         if len(arm.tips) > 1 or tuple(arm.task.indices) not in (PLANE, SPACE):
             raise UnsupportedError(

@@ -1,9 +1,9 @@
 """Momentum on board: what it does to a posture, and how long the arm can compensate for it.
 
 Without external torques the angular momentum h stays, whatever the joints do. With the joints
-locked the system turns as one body, w = D^-1 h, and the tip drifts. The tip stays where it is while
-the joints move at dq = -J*^+ J_b A_b^-1 h, as long as J* and the joint limits allow; compare Nanos
-& Papadopoulos, On the dynamics and control of free-floating space manipulator systems in the
+locked the system turns as one body, w = D^-1 h, and the tip drifts. The tip stays where it is
+while the joints move at dq = -J*^+ J_b A_b^-1 h, as long as J* and the joint limits allow. Compare
+Nanos & Papadopoulos, On the dynamics and control of free-floating space manipulator systems in the
 presence of angular momentum, Front. Robot. AI 4:26 (2017), DOI 10.3389/frobt.2017.00026. The
 spacecraft stays at rest while the arm carries all of it, D_q dq = h.
 """

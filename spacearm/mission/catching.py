@@ -82,8 +82,8 @@ def catch(
 
     Raises:
         ConfigurationError: An argument does not make sense.
-        UnsupportedError: The arm has several tips, its task is no pose (in space, or in the plane
-            of the arm), or wheels cannot hold it.
+        UnsupportedError: The arm has several tips, its task is not a pose (in space, or in the
+            plane of the arm), or wheels cannot hold it.
         NoSolutionError: Nothing tried catches the target; says why, for each time and frame.
 
     Example:

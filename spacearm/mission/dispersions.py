@@ -207,9 +207,9 @@ def fly_many(
 ) -> CatchRuns:
     """Fly a catch many times, with targets that differ from the estimate it was planned with.
 
-    The arm flies as planned, by `sa.Tracking`, and does not look at the target again. If the tip is
-    within the envelope of the true grapple frame at contact, it grasps the target by a plastic
-    impact, and the joints are braked by the law that was planned with the estimated target.
+    The arm flies as planned, by `sa.Tracking`, and does not look at the target again. If the tip
+    is within the envelope of the true grapple frame at contact, it grasps the target by a plastic
+    impact. The joints are then braked by the law that was planned with the estimated target.
 
     Args:
         catch: The catch.

@@ -2,8 +2,8 @@
 
 Straight lines of the tip are followed in all directions until the spacecraft has turned too far.
 Broken lines go farther: cells of space are reached one from the next, by whatever way turns the
-spacecraft least, since its attitude depends on the path (w_0 dt is no differential of a function).
-An envelope has both over the mass of the bus.
+spacecraft least, since its attitude depends on the path (w_0 dt is not a differential of a
+function). An envelope has both over the mass of the bus.
 """
 
 from __future__ import annotations
@@ -422,8 +422,9 @@ def _grown(
         count: Cells from the start to the border of the grid.
 
     Returns:
-        The middles (p, 3) of the cells reached, the start's first, once for each state; the turn of
-        the spacecraft in each state (p,); the state (p,) from which it is reached, -1 of the start.
+        The middles (p, 3) of the cells reached, the start's first, once for each state. The turn
+        of the spacecraft in each state (p,). The state (p,) from which it is reached, -1 of the
+        start.
     """
     arm, tip, home = start.arm, start.tip, _attitude(start)
     steps = np.array([

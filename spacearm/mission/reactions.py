@@ -198,8 +198,8 @@ def reaction(
     The joints move as they do in the motion. Floating, the spacecraft turns as in the motion if it
     floats there (with wheels and momentum as they were), else with w_0 = -D^-1 D_q dq, equation
     (33c). If it is held at its initial attitude, wheels must take the momentum -D_q dq, besides
-    what is on board, and give a torque that is the derivative of D_q dq; `inverse_dynamics` reports
-    this torque as the reaction.
+    what is on board. Their torque is the derivative of D_q dq, which `inverse_dynamics` reports as
+    the reaction.
 
     The motions that `sa.plan`, `sa.simulate` and `sa.follow` return have their own rates and
     accelerations. For other motions they are differences between samples: sample finely. Wheels of
@@ -216,7 +216,7 @@ def reaction(
         is held.
 
     Raises:
-        ConfigurationError: The motion has fewer than two samples, or `camera` is no direction.
+        ConfigurationError: The motion has fewer than two samples, or `camera` is not a direction.
 
     Example:
         >>> import spacearm as sa

@@ -1,10 +1,10 @@
 """Two hands: a target is caught by several tips, and braked by all of them.
 
-All tips are led to stand-offs before their grapple frames, take up the motion of these and close in
-together, or one after the other: a hand that holds moves on with the target, which it gives no
-wrench. Once all hold, the chain is closed: its target comes to rest, seen from the spacecraft,
-along the screw that it moves along then, and all joints follow closure. Torques are those by
-which the hands give the target the least wrenches that move it.
+All tips are led to stand-offs before their grapple frames, take up the motion of these and close
+in together, or one after the other. A hand that holds moves on with the target and applies no
+wrench to it. Once all hold, the chain is closed: its target comes to rest, seen from the
+spacecraft, along the screw that it moves along then, and all joints follow closure. Torques are
+those by which the hands give the target the least wrenches that move it.
 """
 
 from __future__ import annotations
@@ -270,7 +270,7 @@ class HandsApproach(Approach):
 
         Raises:
             ConfigurationError: They are not those of all tips.
-            UnsupportedError: The task is no pose, or the joints are too few for it.
+            UnsupportedError: The task is not a pose, or the joints are too few for it.
         """
         given = [pair for group in in_turn(grapple) for pair in group.items()]
         if sorted(tip for tip, _ in given) != sorted(arm.tips):

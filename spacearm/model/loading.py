@@ -130,11 +130,11 @@ def mount(
 ) -> SpaceArm:
     """Bolt an arm to a spacecraft; call it again for a second and a third arm.
 
-    Joints and moving links keep their names from the arm's file. The fixed base becomes part of the
-    spacecraft, and its names get the arm's name and "_" as a prefix. All names get this prefix if
-    `name` is given, or if the bus has one of them already, as with a second arm of the same kind:
-    the tip "hand" of an arm mounted as "left" is "left_hand". A frame named as the arm itself,
-    "left", is at the same place.
+    Joints and moving links keep their names from the arm's file. The fixed base becomes part of
+    the spacecraft, and its names get the arm's name and "_" as a prefix. All names get this prefix
+    if `name` is given, or if the bus has one of them already, as with a second arm of the same
+    kind. The tip "hand" of an arm mounted as "left" is then "left_hand". A frame named as the arm
+    itself, "left", is at the same place.
 
     The tip of the result is that of the arm mounted last. Its joints count, while fingers and other
     arms are held; `SpaceArm.replace` chooses the other one, or both: `tip=("left", "right")`, or

@@ -1,8 +1,8 @@
 """Wheels: bodies that spin on joints that are not the arm's, and hold momentum.
 
-A balanced wheel with moment of inertia I, spinning about its axis a at the rate W relative to the
-link that carries it, leaves the mass distribution unchanged and adds I W a to the angular momentum.
-It is therefore treated as a part of that link that holds momentum.
+A balanced wheel spins about its axis a at the rate W relative to the link that carries it. It
+leaves the mass distribution unchanged and adds I W a to the angular momentum, with I its moment of
+inertia about a. It is therefore treated as a part of that link that holds momentum.
 """
 
 from __future__ import annotations
@@ -213,7 +213,7 @@ def _capacity(tree: Tree, wheel: Joint) -> float:
 
 
 def _fault(tree: Tree, wheel: Joint) -> str | None:
-    """Say why a joint is no wheel; None if it is one."""
+    """Say why a joint is not a wheel; None if it is one."""
     whole, carried = tree.carried(wheel)
     if carried:
         return f"carries joint {carried[0].name!r}"

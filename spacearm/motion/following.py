@@ -392,8 +392,8 @@ class Followed(Drifting, kw_only=True):
     """The motion of an arm whose tip follows a path, from `sa.follow`.
 
     Attributes:
-        s: (m,) length of path that the tip has covered [m]; turns count by the task's length, or by
-            1 m/rad if it has none, so that s is an angle [rad] for tasks without linear rows.
+        s: (m,) length of path that the tip has covered [m]. Turns count by the task's length, or
+            by 1 m/rad if it has none, so that s is an angle [rad] for tasks without linear rows.
         length: Length of the whole path, in the unit of s.
         ended: "arrived", "singularity" or "joint limit".
         reason: The same in a sentence, with the place.
@@ -614,7 +614,7 @@ def told_along(
     progress: Callable[[float, float], object] | None = None,
     what: str = "tip",
 ) -> tuple[Led, dict[str, Any]]:
-    """Lead an arm along pieces; return its rows, and what they tell of `Followed` but the mode.
+    """Lead an arm along pieces; return its rows, and the fields of `Followed` but the mode.
 
     Args:
         cfg: The configuration at the start.

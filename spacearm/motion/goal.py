@@ -56,9 +56,8 @@ def origin_of(cfg: Configuration) -> str:
 def goal_axes(cfg: Configuration) -> Array:
     """Return the axes (3, 3) along which goals are given, columns in inertial axes.
 
-    They are the task axes, which are the inertial ones for most tasks and tilted with the plane of
-    a planar arm (see `Task.axes`), unless these turn while the joints move: then they are the
-    inertial axes.
+    They are the task axes (see `Task.axes`): the inertial ones for most tasks, tilted with the
+    plane of a planar arm. If these turn while the joints move, they are the inertial axes.
     """
     return cfg.arm.task.axes(cfg.base.rotation) if steady(cfg.arm) else np.eye(3)
 
@@ -80,7 +79,7 @@ def goal_pose(cfg: Configuration, goal: Goal, what: str = "target") -> pin.SE3:
     Messages name it by `what`.
 
     Raises:
-        ConfigurationError: The goal is no pose, and no point in the task's rows.
+        ConfigurationError: The goal is neither a pose nor a point in the task's rows.
     """
     if isinstance(goal, pin.SE3) or shape_of(goal) == (4, 4):
         return sound_pose(goal, what)

@@ -204,7 +204,7 @@ def unit_quaternions(poses: npt.NDArray[Any]) -> bool:
 
 
 def _forms(record: Any, k: int, n: int) -> dict[str, Form]:
-    """Return the form of the array of each field of k records; what is no number has n of them."""
+    """Return the shape of the array of each field of k records; what is not a number has n."""
     types = get_type_hints(record)
     return {
         name: (LETTERS[types[name]], (k,)) if types[name] in LETTERS else ("f", (k, n))

@@ -112,7 +112,7 @@ class Plant(Parameters):
 
     Attributes:
         wheels: The law by which the wheels hold the attitude, or a function of time that gives the
-            torque of each (w,) [N m], the rate of the momentum that it holds; if None they keep
+            torque of each (w,) [N m], the rate of the momentum that it holds. If None they keep
             what they hold.
         wrenches: Wrenches (6,) [force [N]; torque [N m]] on links by name, at the origin of the
             link's frame along inertial axes, or functions of time that give them.
@@ -157,10 +157,10 @@ class Integration(Parameters):
         rtol: Relative tolerance of each step.
         atol: Absolute one [rad], [m], [rad/s], [m/s], [J].
         dt: Spacing of the output [s]; a thousandth of the duration if None.
-        events: Events to record: "singularity" (the determinant of the task Jacobian changes its
-            sign, or where J* is not square the distance to the singular set falls to half a
-            degree), "joint limit", "target" (the controller's `error` falls to `reach`), "wheel
-            full".
+        events: Events to record: "singularity", "joint limit", "target" and "wheel full".
+            Singularity: the determinant of the task Jacobian changes its sign, or, where J* is not
+            square, the distance to the singular set falls to half a degree. Target: the
+            controller's `error` falls to `reach`.
         reach: How near the target is reached: norm of the error.
         method: "DOP853" (explicit, of order 8), "Rodas5P" (linearly implicit, of order 5, for stiff
             torques) or "auto", which begins with DOP853 and switches to Rodas5P where that is

@@ -69,8 +69,8 @@ def simulate(
         dq: (n,) joint rates at the start [rad/s] or [m/s]; zeros if None.
         mode: What the spacecraft does; see `generalized_jacobian`.
         origin: Origin of the inertial frame: with "spacecraft" where the pose of the start has it,
-            so that poses of `SpaceArm.at` can be used as goals; with "cm" the system CM at the
-            start, as for points of a `Workspace`, while the pose gives the attitude.
+            so that poses of `SpaceArm.at` can be used as goals. With "cm" it is the system CM at
+            the start, as for points of a `Workspace`, and the pose gives the attitude.
         plant: What else acts: wheels, wrenches, thrusters, springs and friction, motor limits.
         sampling: Period, delay and noise of a controller with a fixed rate, which holds its torques
             in between; None for one that acts continuously.
@@ -148,7 +148,7 @@ def _by_tip(arm: SpaceArm, controller: Laws) -> dict[int, Controller]:
 
 #: What dispersions of many runs need.
 COARSE = Integration(rtol=1e-6, atol=1e-8)
-#: Ends of runs that are no results.
+#: Ends of runs that are not results.
 FAILURES = ("controller failed", "equations failed", "step collapsed")
 #: Outputs of a run over which the least sigma_min and the largest turn are taken.
 LOOKS = 200
@@ -206,8 +206,8 @@ def simulate_many(
         A dataset along "run": `success` (the target was reached), `time_to_target`,
         `first_singularity` (first time at which one was noted) [s], `sigma_min` (least), `turn`
         (largest turn of the spacecraft from its start [rad]) and `distance` (least distance to the
-        singular set to first order [rad]) of 200 instants and the end, `t` (end [s]), `imbalance`
-        (as `Trajectory.imbalance`, of the end), `ended`, `q0`, and `q`, `dq` and `base` at the end.
+        singular set to first order [rad]) of 200 instants and the end. Of the end: `t` [s],
+        `imbalance` (as `Trajectory.imbalance`), `ended`, `q`, `dq` and `base`. Of the start: `q0`.
         Times that do not exist are NaN. A run that fails does not end the others: it has
         "controller failed", "equations failed" or "step collapsed" in `ended`. The attribute
         `called` names the functions that were called in Python, and why.

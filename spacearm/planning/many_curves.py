@@ -2,7 +2,7 @@
 
 At zero momentum the turn depends on the curve alone. With angular momentum h about the system CM,
 which is constant in inertial axes, the spacecraft of attitude T turns with w_0 = D^-1 (T^T h - s -
-D_q dq) in its own axes, by (33c), s what its wheels hold.
+D_q dq) in its own axes, by (33c). Here s is what its wheels hold.
 
 Between its rows a plan is searched for along straight lines. The splines through the same rows that
 `Tracking` flies turn the spacecraft by a little more or less, so that rows are bent until it
@@ -349,8 +349,8 @@ class FlownRows:
         """Return the steps (m - 1,) of the integration from row to row.
 
         The rate of a quintic with the leading coefficient c is integrated over k steps of a time
-        dt with an error of about c dt^5 / (36 k^4), by two Gauss points: much where joints start
-        and stop between two rows.
+        dt with an error of about c dt^5 / (36 k^4), by two Gauss points. This is much where joints
+        start and stop between two rows.
         """
         dt = np.diff(self.t)
         uneven = np.abs(self._spline.c[0]).max(axis=1) * dt**5 / (36.0 * EVEN)

@@ -80,8 +80,8 @@ def plan(
             allow; with momentum or a twist approximately so.
         mode: What the spacecraft does: "free-floating", or "attitude-controlled".
         origin: Origin of the inertial frame: with "spacecraft" where the base of the start has it,
-            so that poses of `SpaceArm.at` can be used as goals; with "cm" the system CM at the
-            start, as for points of a `Workspace`, while the base gives the attitude.
+            so that poses of `SpaceArm.at` can be used as goals. With "cm" it is the system CM at
+            the start, as for points of a `Workspace`, and the base gives the attitude.
         constraints: What must hold on the way.
         search: How to look for it, and for how long.
 
@@ -93,9 +93,9 @@ def plan(
         UnsupportedError: The arm has several tips, fewer joints than its task has rows, wheels
             that cannot hold the attitude, or no shapes that obstacles could meet.
         ImpossibleError: It is proven that there is no such motion: det J* changes its sign between
-            start and goal (for arms of up to three joints, whatever the attitude at the end), or
-            the goal is out of reach. At zero momentum it says which relaxation was tried and works,
-            such as another posture of the same pose. It is a NoSolutionError too.
+            start and goal, or the goal is out of reach. For arms of up to three joints the first
+            is tried for all attitudes at the end. At zero momentum it says which relaxation was
+            tried and works, such as another posture of the same pose. It is a NoSolutionError too.
         NoSolutionError: No motion was found; says which constraint stopped most attempts, what to
             relax, and why every method failed. Carries the best attempt (the start alone if there
             is no better).
@@ -188,10 +188,10 @@ def connected(
 ) -> Connection:
     """Decide whether a joint path leads from one posture to another without a singularity.
 
-    The spacecraft floats; its pose does not matter. For an arm with as many joints as task rows the
-    answer is "no" if det J* has opposite signs at start and goal, rounding included; it then says
-    which relaxation was tried and works, as `plan` does. It is "yes" by the straight line, or by a
-    path of the planner, each with its certificate.
+    The spacecraft floats; its pose does not matter. For an arm with as many joints as task rows
+    the answer is "no" if det J* has opposite signs at start and goal, rounding included. It then
+    says which relaxation was tried and works, as `plan` does. It is "yes" by the straight line, or
+    by a path of the planner, each with its certificate.
 
     Args:
         start: The posture at one end.

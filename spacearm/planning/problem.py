@@ -71,7 +71,7 @@ class Problem:
         target: What the motion must achieve.
         ample: Clearance that is aimed at first.
         collisions: The bodies that must not meet; None if collisions do not count.
-        best: The last attempt that is no solution.
+        best: The last attempt that is not a solution.
         note: Remark of a method on its solution.
     """
 

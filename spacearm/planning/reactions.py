@@ -6,7 +6,7 @@ The attitude held, the angular momentum of the moving arm about the system CM is
 
 r_k the CM of body k, R_k its rotation and w_k its angular velocity, seen from the spacecraft.
 Wheels take it and its derivative up, each its share. Both are computed at the rows and at times
-between; between two times t apart a quantity differs from the straight line through its values by
+between. Between two times t apart a quantity differs from the straight line through its values by
 at most t^2 / 8 times the bound on its second derivative.
 
 Such bounds are majorants: a quantity f has b_0, b_1, ... with |d^i f / dt^i| <= b_i, and products

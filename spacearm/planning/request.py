@@ -275,7 +275,7 @@ def _twist(arm: SpaceArm, given: FinalTwist) -> Array:
     """Return the twist at the end (k,) of all tips; tips that are not named come to rest.
 
     Raises:
-        ConfigurationError: It has not a number for each row of the task, or a name is no tip.
+        ConfigurationError: It has not a number for each row of the task, or a name is not a tip.
     """
     if not isinstance(given, Mapping):
         if len(arm.tips) > 1:

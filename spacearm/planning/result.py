@@ -336,7 +336,7 @@ def landed(
 ) -> AnyMotion:
     """Return a plan bent a little, so that it ends as flown with the attitude that it should.
 
-    Motions that are no plans stay.
+    Motions that are not plans stay.
 
     Args:
         plan: The plan.

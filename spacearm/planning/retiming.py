@@ -41,7 +41,7 @@ class Limits:
         wheels: The wheels that hold the attitude; None if none do.
 
     Raises:
-        ConfigurationError: One is no positive number, nor one per joint.
+        ConfigurationError: One is not a positive number, nor one per joint.
         UnsupportedError: Neither accelerations nor torques have limits.
     """
 

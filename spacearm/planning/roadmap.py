@@ -3,11 +3,11 @@
 Postures at the goal and others drawn at random are joined by straight joint motions that meet no
 singularity, as in the probabilistic roadmaps of Kavraki, Svestka, Latombe & Overmars, IEEE Trans.
 Robot. Autom. 12(4), 566-580 (1996), DOI 10.1109/70.508439. By the connection (33c) each motion
-turns the spacecraft by a rotation of its own, from whatever attitude it begins. So the turns of the
-shortest ways from the start to all postures, of all loops that two of these and a piece between
-them make, and of all ways to the goal, are products of rotations that are computed once. Where the
-turn of a loop, repeated, nearly is the one that a way lacks, the two together are a guess; the
-optimiser closes the gap.
+turns the spacecraft by a rotation of its own, from whatever attitude it begins. So turns of the
+spacecraft are products of rotations that are computed once: along the shortest ways from the start
+to all postures, round all loops of two of these and a piece between them, and along all ways to
+the goal. Where the turn of a loop, repeated, nearly is the one that a way lacks, the two together
+are a guess; the optimiser closes the gap.
 """
 
 from __future__ import annotations

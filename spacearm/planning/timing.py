@@ -89,7 +89,7 @@ def for_each_joint(arm: SpaceArm, given: ArrayLike | None, name: str, default: A
     """Return a limit for each joint (n,), the default where none is given.
 
     Raises:
-        ConfigurationError: It is no positive number, nor one per joint.
+        ConfigurationError: It is not a positive number, nor one per joint.
     """
     if given is None:
         return default

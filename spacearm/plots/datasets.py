@@ -144,7 +144,7 @@ def draw_rows(result: dict[str, Array] | Array, ax: Any) -> Any:
         ax: Axes, one for each quantity; or a figure or subfigure; None for a new figure.
 
     Raises:
-        ConfigurationError: These are no numbers, or of no configuration.
+        ConfigurationError: These are not numbers, or of no configuration.
     """
     named = result if isinstance(result, dict) else {"value": result}
     numbers = {str(name): np.asarray(values) for name, values in named.items()}

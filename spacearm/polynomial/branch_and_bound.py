@@ -1,11 +1,11 @@
 """Proof by halving boxes: the range of a polynomial on the roots of another.
 
-On S = 0 the functions F and G = F + lambda S are the same, whatever lambda. In a box with centre c
-and half widths h, with lambda chosen so that the gradient of G at c is small, G differs from G(c)
-by less than |grad G(c)| h + h B h / 2, where B bounds the second derivatives of G everywhere. Boxes
-that hold no root, or whose range lies inside intervals that are attained already, are done; others
-are halved. Near an extreme the gradient of G vanishes, so that boxes of width sqrt(tolerance)
-suffice.
+On S = 0 the functions F and G = F + lambda S are the same, whatever lambda. Take a box with centre
+c and half widths h, and lambda so that the gradient of G at c is small. There G differs from G(c)
+by less than |grad G(c)| h + h B h / 2, where B bounds the second derivatives of G everywhere.
+Boxes that hold no root, or whose range lies inside intervals that are attained already, are done;
+others are halved. Near an extreme the gradient of G vanishes, so that boxes of width
+sqrt(tolerance) suffice.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.polynomial.trig import TrigPolynomial
 
-#: Largest number of boxes at a time; only extremes that are no isolated points need more.
+#: Largest number of boxes at a time; only extremes that are not isolated points need more.
 MOST_BOXES = 400_000
 
 

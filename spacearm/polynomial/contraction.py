@@ -1,10 +1,11 @@
 """Values of trigonometric polynomials by contraction with real waves, at points and on grids.
 
-In the basis 1, cos q, ..., cos d q, sin q, ..., sin d q of each angle a real polynomial has as many
-real numbers as it has complex coefficients. At m points the sum over about half of the angles is a
-product with their waves, multiplied out; the other half follows. Blocks of points that fit the
-second cache are computed at once, their products in pieces so small that the linear algebra library
-keeps to one thread: its own threads get into each other's way on busy processors.
+In the basis 1, cos q, ..., cos d q, sin q, ..., sin d q of each angle a real polynomial has as
+many real numbers as it has complex coefficients. At m points the sum over about half of the angles
+is a product with their waves, multiplied out; the other half follows. Blocks of points that fit
+the second-level cache are computed at once. Their products are cut into pieces so small that the
+linear algebra library keeps to one thread, as its own threads get into each other's way on busy
+processors.
 
 On a dense grid the tensor is contracted with one axis after the other. The last step, which makes
 all the values, is a product with the 2 d + 1 waves of one axis of low degree d: a few flops for

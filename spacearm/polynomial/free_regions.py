@@ -10,12 +10,12 @@ centre c and half widths h
 
     F(x) >= F(c) - |grad F(c)| h - rest,
 
-the rest from the second and third derivatives at c and a bound of the fourth ones everywhere. Given
-F(c) = 1, the a and b that make |grad F(c)| h least, or this and the rest, solve a small linear
-system. At the common root nearest to the centre of a ball some sum of the gradients is along x,
-which b takes away: boxes there are wide beside the gap between ball and root, and few do. What is
-not proven is halved, nearest to the middle first, so that what is proven when a budget ends is a
-region of the same kind. Without u a box is proven as such.
+the rest from the second and third derivatives at c and a bound of the fourth ones everywhere.
+Given F(c) = 1, the a and b that make |grad F(c)| h least, or this and the rest, solve a small
+linear system. At the common root nearest to the centre of a ball some sum of the gradients is
+along x, which b takes away. Boxes there are wide beside the gap between ball and root, and few
+suffice. What is not proven is halved, nearest to the middle first, so that what is proven when a
+budget ends is a region of the same kind. Without u a box is proven as such.
 
 The smallest polynomials are tried first, all of them where these do not do.
 

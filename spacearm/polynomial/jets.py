@@ -1,8 +1,8 @@
 """Values, gradients and second derivatives of a polynomial at many points, by nested contraction.
 
 Each coordinate is an angle q, with the basis 1, cos q, ..., sin q, ..., or the position of a
-sliding joint, d = centre + half cos(angle): cos(k angle) = T_k((d - centre) / half), a Chebyshev
-polynomial, so that a polynomial in d is one in its angle. One coordinate after the other is
+sliding joint, d = centre + half cos(angle). As cos(k angle) = T_k((d - centre) / half), a
+Chebyshev polynomial, a polynomial in d is one in its angle. One coordinate after the other is
 contracted, the largest first; derivatives up to an order are carried along.
 """
 

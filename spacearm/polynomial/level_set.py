@@ -1,9 +1,9 @@
 """Common roots as lines or triangles: of one polynomial of 2 or 3 angles, of two of 3 angles.
 
-On the 2-torus contourpy finds lines on a grid, and their pieces are joined across the seams. On the
-3-torus a surface comes from the tetrahedra of a grid without seams, and the curves where a second
-polynomial vanishes on it from the edges of its triangles along which that changes its sign. Every
-point is then moved onto the exact set by Newton's method.
+On the 2-torus contourpy finds lines on a grid, and their pieces are joined across the seams. On
+the 3-torus a surface comes from the tetrahedra of a grid without seams. The curves where a second
+polynomial vanishes on it come from the edges of its triangles along which that polynomial changes
+its sign. Every point is then moved onto the exact set by Newton's method.
 
 A grid is fine enough when no cell with equal signs at its corners holds a sign change inside: each
 such cell is either certified free of roots by the bounds of the polynomial, or searched inside.

@@ -6,7 +6,7 @@ A real trigonometric polynomial on the n-torus,
 
 has prod(2 d_j + 1) coefficients and is known everywhere from as many samples on a tensor grid, by
 one fast Fourier transform. Along one joint, with z = exp(i q_j), it is z^-d times a polynomial of
-degree 2d in z, whose roots on the unit circle are its real roots: for d = 1, a cos q + b sin q + c
+degree 2d in z, whose roots on the unit circle are its real roots. For d = 1, a cos q + b sin q + c
 vanishes at q = atan2(b, a) +- acos(-c / hypot(a, b)). From the coefficients come bounds that hold
 everywhere, |df/dq_j| <= sum |c_k| |k_j| and |d2f/dq_i dq_j| <= sum |c_k| |k_i| |k_j|, and with
 them certificates that a box or a segment holds no root.
@@ -190,8 +190,8 @@ class TrigPolynomial(Described):
             times the largest of which every sample may be off, times the Lebesgue constants.
 
         Raises:
-            UnsupportedError: The function is no trigonometric polynomial up to that degree, gives
-                values that are not finite, or has too many coefficients.
+            UnsupportedError: The function is not a trigonometric polynomial up to that degree,
+                gives values that are not finite, or has too many coefficients.
         """
         return cls.fit_each(lambda Q: sampler(Q)[:, None], n, highest=highest)[0]
 

@@ -1,9 +1,10 @@
 """Real roots of trigonometric polynomials of one angle, many at once.
 
 f(q) = sum_k c_k exp(i k q), |k| <= d, is z^-d times a polynomial of degree 2d in z = exp(i q); its
-real roots are the roots of that polynomial on the unit circle. Degree 1 has them in closed form,
-higher ones by Aberth's iteration where they are many, else, and where that is not sure, as
-eigenvalues of the companion matrix, polished by Newton's method on f itself.
+real roots are the roots of that polynomial on the unit circle. Degree 1 has them in closed form.
+Many polynomials of higher degree are solved by Aberth's iteration. Few, and those for which that
+is not sure, are solved by the eigenvalues of the companion matrix, polished by Newton's method on
+f itself.
 
 O. Aberth, Math. Comput. 27, 339-344 (1973), DOI 10.1090/S0025-5718-1973-0329236-7. Newton's step of
 each root is corrected for the others, which repel it; simple roots are approached cubically. Where

@@ -70,9 +70,9 @@ class ServoStep(Result):
         closing: Rate at which the distance falls [rad/s].
         done: Share of the commanded twist, of its task rows, that is done.
         slowed: What slows the motion, with the share that it leaves: "lost direction" (that of
-            `lost` alone), "approach" (to the set), "rate", "wheels", "position", "acceleration" and
-            "stopping distance" (the arm could not stop any more, or the next step is so late that
-            the arm would outrun the search).
+            `lost` alone), "approach" (to the set), "rate", "wheels", "position", "acceleration"
+            and "stopping distance". The last means that the arm could not stop any more, or that
+            the next step is so late that the arm would outrun the search.
         halted: Why the arm is brought to rest; empty if it is not.
     """
 
@@ -339,7 +339,7 @@ class Servo:
             For each message, how near the set is, and when it will be at `stop`.
 
         Raises:
-            ConfigurationError: A message is no joint state of the arm.
+            ConfigurationError: A message is not a joint state of the arm.
 
         Example:
             >>> import spacearm as sa

@@ -150,8 +150,8 @@ def joint_states(arm: SpaceArm, messages: Iterable[Any]) -> Iterator[JointState]
         messages: The messages, in the order of their times.
 
     Raises:
-        ConfigurationError: A message lacks joints of the arm, or is no joint state at all; or all
-            are of others.
+        ConfigurationError: A message lacks joints of the arm, or is not a joint state at all; or
+            all are of others.
     """
     mine, others = False, 0
     for i, message in enumerate(messages, 1):

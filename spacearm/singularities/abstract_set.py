@@ -121,7 +121,7 @@ def prove_clear(
         the first configuration that is not proven, or as far as the boxes went.
 
     Raises:
-        ConfigurationError: The clearance is no number from 0 on.
+        ConfigurationError: The clearance is not a number from 0 on.
         UnsupportedError: J* has no minors to prove it with, or too large ones.
     """
     at_least = within(at_least, "clearance", 0.0, LARGEST, "an angle [rad]")
@@ -318,11 +318,11 @@ class SingularSet(Described, ABC):
         """Sample m singular configurations, (m, n).
 
         A complete set is covered. If it has one equation, random lines along each of the k joints
-        that matter, in turn, give all members that they meet. So the number of samples on a part of
-        the set is proportional to its area, to a factor of sqrt(k). If it has more equations, the
-        free joints (see `solve`) are uniform, given that a solution exists, and each solution has
-        the same probability; sheets that do not depend on the joint that follows first are sampled
-        likewise along other joints. For a searched set no distribution is promised.
+        that matter, in turn, give all members that they meet. So the number of samples on a part
+        of the set is proportional to its area, to a factor of sqrt(k). If it has more equations,
+        the free joints (see `solve`) are uniform, given that a solution exists, and each solution
+        has the same probability. Sheets that do not depend on the joint that follows first are
+        sampled likewise along other joints. For a searched set no distribution is promised.
 
         Args:
             m: How many.
@@ -451,7 +451,7 @@ class SingularSet(Described, ABC):
             smaller than about 2 degrees may be missed.
 
         Raises:
-            UnsupportedError: The set over these joints is no set of curves.
+            UnsupportedError: The set over these joints is not a set of curves.
         """
 
     @abstractmethod
@@ -465,7 +465,7 @@ class SingularSet(Described, ABC):
             q: (n,) positions of the other joints; zeros if None.
 
         Raises:
-            UnsupportedError: The set over these joints is no surface.
+            UnsupportedError: The set over these joints is not a surface.
         """
 
     @abstractmethod

@@ -79,9 +79,10 @@ VANISHES = 1e-9
 class ExactSet(SingularSet):
     """The whole singular set of an arm whose minors form a triangle.
 
-    It lacks nothing but, of redundant arms, configurations in a set of fewer dimensions at which
-    the first k - 1 columns that the minors share are dependent and the others do not make up for
-    it. They are limits of members as a rule. `is_free` proves paths free of them too.
+    Of square arms it lacks nothing. Of redundant arms it lacks configurations in a set of fewer
+    dimensions: there the first k - 1 columns, which the minors share, are dependent, and the
+    others do not make up for it. They are limits of members as a rule. `is_free` proves paths free
+    of them too.
 
     A sliding joint counts within its limits, or 1 m to both sides of zero where it has none.
 

@@ -3,15 +3,16 @@
 S(q) = det [A_b A_q; J_b J_q] (task rows) = det(A_b) det(J*_task) has no division in it: it is a
 trigonometric polynomial of low degree in each joint. It vanishes exactly where the task Jacobian
 is singular, since det(A_b) = M^3 det(D) never does. The degrees are those of the same determinant
-with the tip as root body: for the full pose of six joints degree_j <= 6 - j, so that the last joint
-(and the last body's inertia) does not matter and the fifth is eliminated in closed form.
+with the tip as root body. For the full pose of six joints degree_j <= 6 - j, so that the last
+joint (and the last body's inertia) does not matter and the fifth is eliminated in closed form.
 
 For columns C of the J* of a redundant arm, as many as the task has rows k, det [A_b A_C; J_b J_C]
-is det(A_b) det(J*[:, C]), a polynomial like S. J* has rank k - 1 or less exactly where all of these
-minors vanish. Let k - 1 columns B be independent: then those with B and one column more suffice.
-Seen from the tip held still, column j is the momentum of all on the spacecraft's side of joint j,
-so that those minors of the full pose with B the first five columns form a triangle (`Triangle`):
-the one with column j has degree 1 in joint j - 1 and does not contain joint j or later ones.
+is det(A_b) det(J*[:, C]), a polynomial like S. J* has rank k - 1 or less exactly where all of
+these minors vanish. Let k - 1 columns B be independent: then those with B and one column more
+suffice. Seen from the tip held still, column j is the momentum of all on the spacecraft's side of
+joint j. So the minors of the full pose that consist of B, the first five columns and one more form
+a triangle (`Triangle`): the one with column j has degree 1 in joint j - 1 and does not contain
+joint j or later ones.
 
 A sliding joint d = centre + half cos(angle) enters by its angle, see `Chart`.
 """
@@ -59,9 +60,9 @@ def singularity_polynomial(arm: SpaceArm, *, mode: BaseMode = "free-floating") -
     It is unique up to a constant factor, and fitted once for each arm and mode.
 
     For planar arms only the angular momentum about the normal of the plane couples, and the scalar
-    inertia about it takes the place of det(D); then S is equation (41) of Papadopoulos &
-    Dubowsky (1993), DOI 10.1115/1.2897406. Linear rows of mixed tasks are divided by the task's
-    length, which is a constant factor.
+    inertia about it takes the place of det(D). Then S is equation (41) of Papadopoulos & Dubowsky
+    (1993), DOI 10.1115/1.2897406. Linear rows of mixed tasks are divided by the task's length,
+    which is a constant factor.
 
     For attitude-controlled and fixed spacecraft S is the determinant of their Jacobian itself.
 

@@ -6,15 +6,16 @@ joints that lead out and back. A term of size t has an error of at most u t, whe
 number of bodies and joints (`_sizes`).
 
 Size of the terms. A length in the arm is a *distance*, the sum of the link lengths of the model,
-where fixed joints are merged; its error is u times its *way*, the sum of all link lengths of the
+where fixed joints are merged. Its error is u times its *way*, the sum of all link lengths of the
 tree. With mass m, first moments s (by distance) and w (by way) and second moment i of all that a
-joint carries, c and c' the distance of the system CM by distance and by way, a unit rate gives
+joint carries, and c and c' how far the system CM is, by distance and by way, a unit rate gives
 
     prismatic joint: linear momentum m, angular momentum about the CM up to w + c' m;
     revolute joint:  linear momentum up to 2 w, angular momentum about the CM up to i + c w + c' s,
 
 in which one length of each product is a distance and one a way. u times these sizes are the bounds
-E_b and E_q for the entries of A_b and A_q, u times 1 and the way to the tip those for J_b and J_q.
+E_b and E_q for the entries of A_b and A_q. Those for J_b and J_q are u times 1 and u times the way
+to the tip.
 
 Propagation. With A_b X = A_q and J* = J_q - J_b X,
 

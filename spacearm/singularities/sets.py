@@ -113,11 +113,11 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
             spacecraft have singular sets of their own.
 
     Returns:
-        The whole set, exactly (`complete` is true), for arms with as many joints as task rows, for
-        redundant arms with six rows of the full pose or "x y rz" in the plane, and for others whose
-        minors form a triangle, as `Minors.triangle` checks. For other redundant arms and for mimic
-        joints a `FoundSet`: its `sample` and `nearest` return what a search finds; its `is_free` is
-        still a proof.
+        The whole set, exactly (`complete` is true), for arms with as many joints as task rows. The
+        same for redundant arms with six rows of the full pose or "x y rz" in the plane, and for
+        others whose minors form a triangle, as `Minors.triangle` checks. For other redundant arms
+        and for mimic joints a `FoundSet`: its `sample` and `nearest` return what a search finds;
+        its `is_free` is still a proof.
 
     Raises:
         UnsupportedError: The arm can never do its task.

@@ -1,11 +1,12 @@
 """Sides of the singular set: proofs that every motion crosses it, by the sign of det J*.
 
-A motion free of singularities keeps the sign of det J*. Where the spacecraft may have any attitude
-at the end, the postures that reach a goal are those with the tip as far from the system CM as the
-goal is, and for tasks with turns those with the system CM where the tip, at the goal, sees it. Both
-are trigonometric polynomials of the joint angles, as S is, whose sign is that of det J*. Boxes of
-joint space in which one of these misses its value, or S has the other sign, rounding included, are
-left out, others are halved. Where none is left, there is no posture to go to.
+A motion free of singularities keeps the sign of det J*. Let the spacecraft have any attitude at
+the end. The postures that reach a position are those with the tip as far from the system CM as the
+goal is. For tasks with turns they are those with the system CM at the place that it has in the
+frame of the tip at the goal. Both are trigonometric polynomials of the joint angles, as S is,
+whose sign is that of det J*. Boxes of joint space in which one of these misses its value, or S has
+the other sign, rounding included, are left out, others are halved. Where none is left, there is no
+posture to go to.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ WIDTH = 2000
 ANSWERED = 5
 #: Time after which a scheduler that does not answer in the midst of work is lost [s].
 SILENCE = 60
-#: What Dask's transports raise for an address, or an answer, that is no scheduler's.
+#: What Dask's transports raise for an address, or an answer, that is not a scheduler's.
 NO_SCHEDULER = (
     OSError, ValueError, TypeError, RuntimeError, LookupError, EOFError, ImportError, MemoryError
 )  # fmt: skip

@@ -5,14 +5,15 @@ point is
 
     H = (G(q) + K(q) M V(q)) v,   M = [[m 1, -[m c]x], [[m c]x, I]],
 
-G that of the known arm, V v the twist of the tip in its own axes, K its axes and lever. M is linear
-in the ten parameters m, m c and I of the body about the tip, and H, which nobody needs to know, is
-kept. The estimate is that of largest likelihood where all rates have noise: the residuals are
-weighted by the noise that they carry, which depends on the body too, so that noisy rates do not
-make it lighter than it is. See Murotsu, Senda, Ozaki & Tsujio, Parameter identification of unknown
-object handled by free-flying space robot (J. Guid. Control Dyn. 17(3), 1994, DOI 10.2514/3.21225);
-bodies that can exist are parameterised as in Rucker & Wensing, Smooth parameterization of
-rigid-body inertia (IEEE Robot. Autom. Lett. 7(2), 2022, DOI 10.1109/LRA.2022.3144517).
+G that of the known arm, V v the twist of the tip in its own axes, K its axes and lever. M is
+linear in the ten parameters m, m c and I of the body about the tip, and H, which nobody needs to
+know, is kept. The estimate is that of maximum likelihood where all rates have noise. The residuals
+are weighted by the noise that they carry, which depends on the body too, so that noisy rates do
+not make it lighter than it is. See Murotsu, Senda, Ozaki & Tsujio, Parameter identification of
+unknown object handled by free-flying space robot (J. Guid. Control Dyn. 17(3), 1994, DOI
+10.2514/3.21225); bodies that can exist are parameterised as in Rucker & Wensing, Smooth
+parameterization of rigid-body inertia (IEEE Robot. Autom. Lett. 7(2), 2022, DOI
+10.1109/LRA.2022.3144517).
 """
 
 from __future__ import annotations
@@ -68,8 +69,8 @@ class Identified(Result, kw_only=True):
         momentum: (6,) momentum of arm and body, [linear [kg m/s]; angular about the common CM
             [kg m^2/s]], inertial axes.
         misfit: Root mean square of the residuals over the noise: about 1 where the noise is as
-            given and the arm as described; without `noise` it is the noise that was found, taken as
-            equal for all rates.
+            given and the arm as described. Without `noise` it is the noise that was found, taken
+            as equal for all rates.
         rows: How many instants were measured.
     """
 

@@ -1,9 +1,9 @@
 """Free boxes for all arms whose numbers lie in intervals.
 
 The momenta M of `singularities.regularity` about a point of the spacecraft, in its axes, are
-trigonometric polynomials of the joint positions of degree one or two: of few coefficients, as the
-column of a joint depends on the joints before it alone. In a box of joints and parameters with
-centre c and half widths h
+trigonometric polynomials of the joint positions of degree one or two. They have few coefficients,
+as the column of a joint depends on the joints before it alone. In a box of joints and parameters
+with centre c and half widths h
 
     M X - 1,   X the (pseudo)inverse of M at the centre,
 

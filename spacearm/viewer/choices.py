@@ -30,7 +30,7 @@ def number(value: object, what: str) -> float:
     """Return a number out of a message.
 
     Raises:
-        ConfigurationError: It is no finite number; names it by `what`.
+        ConfigurationError: It is not a finite number; names it by `what`.
     """
     if isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST:
         return float(value)
@@ -41,7 +41,7 @@ def numbers(value: object, count: int, what: str) -> Array:
     """Return so many numbers out of a message.
 
     Raises:
-        ConfigurationError: It is no list of as many finite numbers; names it by `what`.
+        ConfigurationError: It is not a list of as many finite numbers; names it by `what`.
     """
     if not isinstance(value, list) or len(value) != count:
         raise ConfigurationError(f"{what} is {str(value)[:40]!r}; give {count} numbers")
@@ -132,9 +132,9 @@ def chosen(
         cfg: The configuration on show; joints that are locked stay where they are in it.
         origin: Where its arm comes from.
         message: `robot`, a name of the catalogue, or `file` with `name` and `text`, or neither for
-            the present arm; `tip`, `task` and `joints`, the names of all that count, where they are
-            not to be found as `load` does, or not to stay; `locked`, values of those that do not
-            count, where they are not to stay [rad] or [m].
+            the present arm. `tip`, `task` and `joints`, the names of all that count, if they are
+            not those that `load` finds, or those of the present arm. `locked`, values of those
+            that do not count, if they are not to stay [rad] or [m].
         folder: Where a file may be written.
 
     Returns:

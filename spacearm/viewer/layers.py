@@ -406,9 +406,9 @@ FINEST = np.radians(2.0)
 class AttitudeLayer:
     """The attitudes from which a path of the tip can be followed, and the attitude on show.
 
-    Around the spacecraft of a spatial arm stands a sphere of the directions of its z axis, coloured
-    by the share of feasible rolls; around that of a planar arm a ring of the directions of the
-    first axis in its plane. A needle shows where that axis points now.
+    Around the spacecraft of a spatial arm stands a sphere of the directions of its z axis,
+    coloured by the share of feasible rolls. Around that of a planar arm stands a ring of the
+    directions of the first axis in its plane. A needle shows where that axis points now.
 
     Args:
         node: The node to draw under.

@@ -236,7 +236,7 @@ def joint_map(
         `spacecraft`, the mode.
 
     Raises:
-        ConfigurationError: The joints are no two revolute ones.
+        ConfigurationError: The joints are not two revolute ones.
     """
     arm, found = cfg.arm, None
     with suppress(*[UnsupportedError] * (len(arm.tips) > 1)):  # minors too large to be traced

@@ -241,7 +241,7 @@ class _Door(tornado.web.RequestHandler):
 
 
 class _File(_Door):
-    """A file of the package, which is no secret."""
+    """A file of the package, which is not secret."""
 
     def get(self, name: str) -> None:
         kind = {"css": "text/css", "js": "text/javascript"}[name.rpartition(".")[2]]

@@ -451,9 +451,9 @@ BENT = 1.0
 def opening_posture(arm: SpaceArm) -> Array:
     """Return joint positions (n,) well away from singularities, the same at every call.
 
-    Zeros, or the limits nearest to them, where they are; else a posture bent by at most a radian,
-    the first of `TRIES` that is far enough from the singular set, or the farthest of them.
-    Joints at a limit are bent away from it, so that the tip can be pulled all around.
+    Zeros, or the limits nearest to them, if that is far enough from the singular set. Else a
+    posture bent by at most a radian: the first of `TRIES` that is far enough, or the farthest of
+    them. Joints at a limit are bent away from it, so that the tip can be pulled all around.
 
     Args:
         arm: The arm.

@@ -81,9 +81,9 @@ def vary(arm: SpaceArm, parameters: Mapping[str, float]) -> SpaceArm:
         arm: The arm.
         parameters: Values by name: "base_mass" (mass of the spacecraft [kg], its inertia in
             proportion), "base_inertia" (a factor of that inertia), "mount_x", "mount_y", "mount_z"
-            (first joint in the spacecraft frame [m]), "payload" (point mass at the tip [kg]),
-            "mass:LINK" and "length:LINK" (mass [kg] and length [m] of a link, as a body of the same
-            shape; see `SpaceArm.replace`).
+            (first joint in the spacecraft frame [m]), "payload" (point mass at the tip [kg]). Of a
+            link: "mass:LINK" [kg] and "length:LINK" [m], as of a body of the same shape; see
+            `SpaceArm.replace`.
 
     Returns:
         Another arm; the one given stays as it is.
@@ -173,10 +173,11 @@ def workspaces(
 
     Returns:
         Labelled arrays over the parameters: `piw` and `reachable` (volumes [m^3], areas [m^2] for
-        planar arms), `fraction` (path independent share), `pdw` (shell, bound: radii [m], NaN where
-        there are fewer shells), `done`; with `risk_bins` also `risk` (class) and `near_share`
-        (share of all postures within 5 degrees of a singular one, to first order) with its standard
-        error, `near_error`. After Ctrl-C the designs done so far are returned; `done` marks them.
+        planar arms), `fraction` (path independent share), `pdw` (shell, bound: radii [m], NaN
+        where there are fewer shells), `done`. With `risk_bins` also `risk` (class) and
+        `near_share` (share of all postures within 5 degrees of a singular one, to first order)
+        with its standard error, `near_error`. After Ctrl-C the designs done so far are returned;
+        `done` marks them.
 
     Raises:
         ConfigurationError: A parameter does not exist or has no values.

@@ -24,7 +24,7 @@ def test_every_outcome_has_its_row(tmp_path, capsys):
         (folder / name).write_text(text)
     assert robots.main([str(folder), "--count", str(folder)]) == 0
     said = capsys.readouterr().out
-    counted, _, one_by_one = said.partition("## One by one")
+    counted, _, one_by_one = said.partition("## Results by file")
     rows = {
         line.split(" | ")[0]: line
         for line in one_by_one.splitlines()
@@ -43,8 +43,8 @@ def test_every_outcome_has_its_row(tmp_path, capsys):
     assert "on a bus of 200 kg" in arm[4]
     assert "check='warn'" in odd[4]
     assert broken[4].startswith("refused: is not XML")
-    assert still[4].startswith("nothing moves")
-    lines = [line for line in counted.splitlines() if line.startswith(("| files", "| all"))]
+    assert still[4].startswith("no movable joint")
+    lines = [line for line in counted.splitlines() if line.startswith(("| source", "| all"))]
     words, numbers = ([cell.strip() for cell in line.strip("|").split("|")] for line in lines)
     outcomes = dict(zip(words[1:], map(int, numbers[1:]), strict=True))
     assert outcomes == {
@@ -52,8 +52,8 @@ def test_every_outcome_has_its_row(tmp_path, capsys):
         "answered": 4,
         "answered with an option": 2,
         "refused": 2,
-        "nothing moves": 2,
-        "a part of other files": 2,
+        "no movable joint": 2,
+        "part of another file": 2,
     }
     assert str(tmp_path) not in said
 

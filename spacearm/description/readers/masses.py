@@ -2,8 +2,8 @@
 
 What counts in mechanics is the inertia of each rigid body, which may consist of several links, and
 whether every joint moves some mass. So a fault of one link is a warning where the body that it is
-part of is sound, and a link without mass between two joints is fine as long as no motion of the
-joints is left that moves no mass at all.
+part of is sound. A link without mass between two joints is fine as long as every motion of the
+joints moves some mass.
 """
 
 from __future__ import annotations

@@ -95,7 +95,7 @@ class _Bounds:
         return total + attached * largest
 
     def bytes(self) -> int:
-        """Return the size of all files that are named; refuse what is no regular file."""
+        """Return the size of all files that are named; refuse what is not a regular file."""
         files = {path for name in self._named for path in self._files(name)}
         return sum(path.stat().st_size for path in files)
 

@@ -242,7 +242,7 @@ def _bound(
 
 
 def _resistance(source: Source, joint: etree._Element, name: str) -> float:
-    """Read the damping or dry friction of a joint; what is no number from 0 on is none."""
+    """Read the damping or dry friction of a joint; what is not a number from 0 on counts as 0."""
     dynamics = joint.find("dynamics")
     text = "" if dynamics is None else dynamics.get(name, "").strip()
     value = evaluate(text or "0")

@@ -300,7 +300,7 @@ def _matches(folder: Path, pattern: str, aliases: set[str]) -> Iterator[str]:
     regular += re.escape(pattern[end:])
     if not known or pattern.startswith("/"):
         return
-    with suppress(ValueError):  # "**" within a word is no pattern; ".." leads out of the folder
+    with suppress(ValueError):  # "**" within a word is not a pattern; ".." leads out of the folder
         for path in sorted(folder.glob(wild + pattern[end:])):
             if match := re.fullmatch(regular, path.relative_to(folder).as_posix()):
                 yield match["value"]

@@ -1,8 +1,8 @@
 """xacro: sources of robot descriptions expanded to URDF, by ROS's own program in a sandbox.
 
-The program is the package `xacro`. It evaluates Python and reads any file and the environment, so
-every source is expanded by a fresh copy of it, in which what reaches outside is replaced:
-expressions are those of `xacro_expressions`, files are XML and YAML of the packages around the
+The program is the package `xacro`. It evaluates Python and reads any file and the environment. So
+every source is expanded by a fresh copy of it, in which what reaches outside is replaced.
+Expressions are those of `xacro_expressions`, files are XML and YAML of the packages around the
 source, and the environment does not exist.
 """
 

@@ -5,7 +5,7 @@ D_q dq. Equations: the tip, the joints or the attitude of the spacecraft at the 
 limits, clearance from the singular set, distance between bodies, turn of the spacecraft.
 
 Several tips follow straight lines if the stacked J* allows. Else the unknowns are the end q_1 of
-curves q_0 + s (q_1 - q_0) + sin(pi s) c with a random c; the equations are that all tips arrive
+curves q_0 + s (q_1 - q_0) + sin(pi s) c with a random c. The equations are that all tips arrive
 with the attitude that the whole curve makes, solved by Newton's method.
 """
 

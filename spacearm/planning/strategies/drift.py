@@ -1,9 +1,9 @@
 """Drift: a plan for a spacecraft with momentum, or to a twist, at whose end tips pass their goals.
 
 Unknowns are the heights of waves, of a ramp that moves the end, and of a swing that ends with a
-rate, that are added to a joint motion; the attitude follows from D w_0 = T^T h - s - D_q dq, s what
-the wheels hold. Equations: the goal, at a stated time, and the twist there, A_b v_b = h - s - A_q
-dq and v = J_b v_b + J_q dq, solved by Newton's method. Bounds are checked afterwards.
+rate; all are added to a joint motion. The attitude follows from D w_0 = T^T h - s - D_q dq, where
+s is what the wheels hold. Equations: the goal, at a stated time, and the twist there, A_b v_b = h
+- s - A_q dq and v = J_b v_b + J_q dq, solved by Newton's method. Bounds are checked afterwards.
 
 With angular momentum h and the joints locked the spacecraft would turn by about D^-1 h t in a time
 t. So the search begins with a plan at zero momentum that starts from an attitude turned by as much,

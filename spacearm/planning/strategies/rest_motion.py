@@ -3,7 +3,7 @@
 Joint positions and what the wheels hold are polynomials over time, from rest to rest: a ramp 10 u^3
 - 15 u^4 + 6 u^5 and waves u^3 (1 - u)^3 T_k(2 u - 1), T_k Chebyshev's polynomials, whose first and
 second derivatives vanish at both ends. Their heights are found by Newton's method, each step of
-which is a linear program: the limits of joints and wheels are linear in the heights, so that they
+which is a linear program. The limits of joints and wheels are linear in the heights, so that they
 hold while the ends are led to the goal.
 """
 
