@@ -364,7 +364,7 @@ def into_its_arguments(_, cfg, dq):
         (Counter(), "it sets calls"),
         (branching, "not known while a function is traced"),
         (by_mechanics, "ConfigurationError"),
-        (by_numbers, "no number"),
+        (by_numbers, "has no value"),
         (of_a_wrong_shape, "has shape"),
         (into_an_array, "it changes what it is made of"),
     ],

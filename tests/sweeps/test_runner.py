@@ -360,7 +360,7 @@ def test_no_pickle_of_a_store_is_ever_loaded(study, tmp_path):
     }  # fmt: skip
     (trap / "near" / ".zarray").write_text(json.dumps(meta))
     (trap / "near" / "0").write_bytes(numcodecs.Pickle().encode(payload))
-    with pytest.raises(sa.StoreError, match="no store of a sweep"):
+    with pytest.raises(sa.StoreError, match="not the store of a sweep"):
         sa.sweep(study, trap)
     assert not fired.exists()
 
@@ -373,7 +373,7 @@ def test_other_things_in_the_way_are_left_alone(study, tmp_path, there):
     else:
         store.mkdir()
         (store / "mine").write_text("mine")
-    with pytest.raises(sa.StoreError, match="no store of a sweep"):
+    with pytest.raises(sa.StoreError, match="not the store of a sweep"):
         sa.sweep(study, store)
     assert len(files(tmp_path)) == 1
 
@@ -463,7 +463,7 @@ def test_bad_commands(study_file, tmp_path):
     assert "none.toml cannot be read" in err
     code, _, err = run(study_file, tmp_path / "s.zarr", "--status")
     assert code == 2
-    assert "no store of a sweep" in err
+    assert "not the store of a sweep" in err
     locked = tmp_path / "locked"
     locked.write_text("a file")
     with pytest.raises(sa.StoreError, match="File exists"):
