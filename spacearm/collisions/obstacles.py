@@ -394,7 +394,7 @@ def obstacles_of(given: object, arm: SpaceArm) -> tuple[Obstacle, ...]:
     """Return the obstacles that a caller gave: one or several, targets, postures and motions too.
 
     Raises:
-        ConfigurationError: One is none, or names a link that the arm does not have.
+        ConfigurationError: One is not an obstacle, or names a link that the arm does not have.
     """
     one = isinstance(given, Obstacle | Configuration | Motion | Target)
     found = []

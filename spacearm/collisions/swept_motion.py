@@ -177,7 +177,7 @@ class Flown(Curved):
 
 
 class Floating(SweptMotion):
-    """A motion at zero momentum: between its rows the spacecraft reacts as it does in truth.
+    """A motion at zero momentum: between its rows the spacecraft reacts as it really does.
 
     Args:
         rows: Its configurations.

@@ -365,7 +365,7 @@ class Tree:
 
         Raises:
             ConfigurationError: A joint does not exist or cannot move, or its limits are not two
-                numbers in growing order.
+                numbers in increasing order.
         """
         movable = {joint.name: joint for joint in self.movable()}
         changed = []

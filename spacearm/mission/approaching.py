@@ -353,7 +353,7 @@ class Approach:
                 yield Joints(found[i])
 
     def _meets(self, clock: Array, Q: Array, T: Array, t: float) -> bool:
-        """Return whether bodies meet on rows of an approach; at contact most do that do."""
+        """Return whether bodies meet on rows of an approach; most that meet do so at contact."""
         start = self.floats
         rows = samples([placed(start, *row) for row in zip(Q, T, strict=True)])
         for part in (slice(-2, None), slice(None)) if self.constraints.collisions else ():

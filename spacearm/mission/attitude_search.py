@@ -110,7 +110,8 @@ class HeldTip(NamedTuple):
             known, q = np.vstack((known, attitude[new])), np.vstack((q, found[new]))
 
     def all_branches(self, attitude: Array, tries: int, rng: np.random.Generator) -> Array:
-        """Return postures (m, tries, n) from random ones, NaN where a try found none or a known.
+        """Return postures (m, tries, n) from random ones, NaN where a try found none or a known
+        one.
 
         Args:
             attitude: (m, 4) attitudes, quaternions xyzw.
@@ -322,7 +323,7 @@ def search_ring(
         progress: Called as progress(done, samples).
 
     Returns:
-        The outcomes by growing angle; the angles (m,) from -pi to pi; the intervals (k, 2).
+        The outcomes by increasing angle; the angles (m,) from -pi to pi; the intervals (k, 2).
     """
     gap = 2.0 * np.pi / samples
     angle = -np.pi + gap * (np.arange(samples) + 0.5)

@@ -139,7 +139,7 @@ class FeasibleAttitudes(Result):
 
     @cached_property
     def angle(self) -> Array:
-        """(m,) the attitudes of a planar arm as angles, growing from -pi to pi [rad].
+        """(m,) the attitudes of a planar arm as angles, increasing from -pi to pi [rad].
 
         Raises:
             UnsupportedError: The arm is spatial.

@@ -78,7 +78,7 @@ class Playable(Protocol):
 
     @property
     def t(self) -> Any:
-        """(m,) times, growing [s]."""
+        """(m,) times, increasing [s]."""
 
     @property
     def q(self) -> Any:
@@ -101,7 +101,7 @@ class Motion(Result):
 
     Attributes:
         arm: The arm.
-        t: (m,) times, growing [s].
+        t: (m,) times, increasing [s].
         q: (m, n) joint positions [rad] or [m].
         base: (m, 7) poses of the spacecraft: position [m], quaternion xyzw, inertial frame.
         mode: What the spacecraft does; see `generalized_jacobian`.

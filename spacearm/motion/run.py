@@ -31,7 +31,7 @@ from spacearm.singularities.nearest import local_offsets
 SHARE = 0.2
 #: Motion between two looks near the singular set, as a share of `NEAR`: a passage is 2 wide.
 FINE = 0.5
-#: Distances to the singular set from this on are not told apart [rad].
+#: Distances to the singular set from this on are not distinguished [rad].
 MOST = 1.0
 #: Most looks at the singular set until its nearest point rests, and how it then moves [rad].
 LOOKS, AT_REST = 40, 1e-13

@@ -99,7 +99,7 @@ class SearchAccount:
             self._whole.end()
 
     def failure(self, message: str, best: object) -> NoSolutionError | StoppedError:
-        """Return what tells that nothing was found, and how far it came: by itself or by Ctrl-C."""
+        """Return the error of a search that found nothing, or that Ctrl-C has ended."""
         return (StoppedError if self.ended else NoSolutionError)(message, best)
 
     def check_time(self) -> None:

@@ -169,7 +169,7 @@ class GuessFinder:
     def in_sight(self, m: int) -> Array:
         """Return random joint positions (<= m, n) to which the straight way is free.
 
-        Of contacts of the arm's bodies as far as it is looked at.
+        Contacts of the arm's bodies are looked for at some of the points only.
         """
         reach = self.rng.uniform(0.1, 1.0, (MANY, 1))
         step = reach * (self.free.draw(MANY, self.rng) - self.start.q)

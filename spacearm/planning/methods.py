@@ -43,7 +43,7 @@ CHECKED = 40
 TRIES, OTHERS, ENOUGH = 6, 2, 2
 #: Curves to ends nearer to each other than this are much the same to the optimiser [rad], [m].
 SAME = 0.1
-#: Iterations of the optimiser in which the first of those others must do.
+#: Iterations of the optimiser in which the first of those others must succeed.
 QUICK = 25
 #: Attitudes about an axis from which the straight line is tried; steps of the turn to each.
 TURNS, TURN_STEPS = 72, 24

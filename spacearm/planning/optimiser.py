@@ -58,7 +58,7 @@ ARRIVED = 1e-8
 NEWTON_STEPS, REFINED = 6, 12
 #: Length beyond which `refine` gives up a curve [rad] or [m].
 LONGEST = 200.0
-#: Distances to the singular set beyond this are not told apart [rad]: they are too rough.
+#: Distances to the singular set beyond this are not distinguished [rad]: they are too rough.
 FAR = 1.0
 #: Up to which distance [rad] the way out tells sides apart; cosine of the angle between two.
 NEARBY, TURNS_ROUND = 0.5, -0.8

@@ -45,7 +45,8 @@ def prove_free(
 ) -> Certificate:
     """Prove that a path meets no common root of minors, or by momenta where there are none.
 
-    Where all minors are rounding the arm is singular if its sigma_min is too; else it is undecided.
+    Where all minors vanish within rounding the arm is singular if its sigma_min is too; else it is
+    undecided.
 
     Args:
         arm: The arm.
@@ -82,7 +83,7 @@ def prove_free(
 
 
 def half_of(progress: Progress | None, number: int, halved: bool = True) -> Progress | None:
-    """Return what tells of the first or second half of what `progress` tells, or of all of it."""
+    """Return a progress callback for the first or second half of the work, or for all of it."""
     if progress is None or not halved:
         return progress
     return lambda done, total: progress((done + number * total) // 2, total)
@@ -189,7 +190,7 @@ def path_rows(arm: SpaceArm, path: Path) -> Array:
     """Return the checked configurations (m, n) of a path.
 
     Raises:
-        ConfigurationError: There is none, or a row is none.
+        ConfigurationError: There is no row, or a row is not a configuration.
     """
     given = np.atleast_2d(numbers_of(getattr(path, "q", path), "path"))
     rows = np.array([joint_vector(arm, q, "path") for q in given])

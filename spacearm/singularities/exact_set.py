@@ -186,7 +186,7 @@ class ExactSet(SingularSet):
         proof = prove_free(self.arm, self.mode, self._jets, path, limits, progress)
         if self.codimension == 1 or proof.verdict != "undecided":
             return proof
-        return super()._proof(path, limits, progress)  # all minors tell more
+        return super()._proof(path, limits, progress)  # all minors prove more
 
     def curves(
         self,

@@ -115,8 +115,8 @@ def risk_profile(
         sigma_min: Least singular value up to which a configuration is near, instead of `distance`.
         distance: Distance to the singular set up to which a configuration is near [rad], to first
             order as in `singularity`; 5 degrees if neither is given.
-        bins: Number of distance classes between the least and the largest distance drawn, or
-            their edges [m], growing; distances outside the edges are not counted.
+        bins: Number of distance classes between the least and the largest distance drawn, or their
+            edges [m], increasing; distances outside the edges are not counted.
         samples: Number of configurations.
         seed: Seed of the sample.
         threads: Number of threads; see `evaluate`.

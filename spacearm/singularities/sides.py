@@ -5,8 +5,8 @@ the end. The postures that reach a position are those with the tip as far from t
 goal is. For tasks with turns they are those with the system CM at the place that it has in the
 frame of the tip at the goal. Both are trigonometric polynomials of the joint angles, as S is,
 whose sign is that of det J*. Boxes of joint space in which one of these misses its value, or S has
-the other sign, rounding included, are left out, others are halved. Where none is left, there is no
-posture to go to.
+the opposite sign, rounding included, are left out, others are halved. Where none is left, there is
+no posture to go to.
 """
 
 from __future__ import annotations

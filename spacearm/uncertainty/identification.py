@@ -278,7 +278,7 @@ class _Data(NamedTuple):
 
     @classmethod
     def of(cls, arm: SpaceArm, motion: Motion, dq: Array, twist: Array, noise: Array) -> _Data:
-        """Gather them."""
+        """Return what was measured of a motion."""
         cfgs = [arm.at(q, base=motion[i].base) for i, q in enumerate(motion.q)]
         about = np.mean([cfg.com for cfg in cfgs], axis=0)
         wheels = getattr(motion, "wheels", np.zeros((len(cfgs), len(arm.wheels))))
