@@ -412,7 +412,7 @@ def way_in(cfg: Configuration, tip: str, approach: ArrayLike) -> Array:
     """Return the way (3,) of a hand as it closes in, its own axes [m].
 
     Raises:
-        ConfigurationError: It is none, or leads out of the plane of a planar arm.
+        ConfigurationError: It is not a length or vector, or leads out of the plane of a planar arm.
     """
     require_known("tip", tip, cfg.arm.tips)
     if shape_of(approach) == ():

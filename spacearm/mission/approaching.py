@@ -143,7 +143,7 @@ class Approach:
         """
         if len(arm.tips) > 1 or tuple(arm.task.indices) not in (PLANE, SPACE):
             raise UnsupportedError(
-                f"{arm.name} has the task {arm.task.names!r} of {len(arm.tips)} tip(s); a target "
+                f"{arm.name} has the task {arm.task.names!r} for {', '.join(arm.tips)}; a target "
                 "is caught by the pose of one, sa.load(..., task='pose'), of a planar arm "
                 "task='x y rz', or by several at once, grapple={tip: frame}"
             )

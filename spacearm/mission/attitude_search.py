@@ -110,8 +110,7 @@ class HeldTip(NamedTuple):
             known, q = np.vstack((known, attitude[new])), np.vstack((q, found[new]))
 
     def all_branches(self, attitude: Array, tries: int, rng: np.random.Generator) -> Array:
-        """Return postures (m, tries, n) from random ones, NaN where a try found none or a known
-        one.
+        """Return postures (m, tries, n) from random ones, NaN where a try found no new one.
 
         Args:
             attitude: (m, 4) attitudes, quaternions xyzw.

@@ -328,8 +328,8 @@ class FreeBoxes(Result):
         return Description(
             title=f"{self.arm.name}, {self.mode}",
             verdict=f"{len(self.boxes):,} boxes cover {100.0 * self.share:.1f} % of the joint "
-            f"range, in {len(self.part_shares):,} connected parts: no posture in them is singular, "
-            "proven",
+            f"range, in {len(self.part_shares):,} connected part"
+            f"{'s' * (len(self.part_shares) != 1)}: no posture in them is singular, proven",
             tone="good",
             tables=[Table.by_columns(columns, f"The largest {len(shares)} parts")]
             * bool(len(shares)),

@@ -244,9 +244,10 @@ def _why_not_square(arm: SpaceArm) -> str | None:
 
 def to_square(arm: SpaceArm) -> str:
     """Say what gives a redundant arm as many joints as task rows: locks, or a longer task."""
-    n, lock = arm.n, f"locked={{{arm.joint_names[-1]!r}: 0.0}}"
+    n, more = arm.n, arm.n - arm.task.k
+    lock = f"locked={{{arm.joint_names[-1]!r}: 0.0}}"
     longer = f", or take a task with {n} rows" if n <= 6 * len(arm.tips) else ""
-    return f"lock {n - arm.task.k} joint(s), for instance {lock}{longer}"
+    return f"lock {more} joint{'s' * (more > 1)}, for instance {lock}{longer}"
 
 
 #: A sliding joint without limits is covered this far to both sides of zero [m].

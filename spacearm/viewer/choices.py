@@ -52,7 +52,7 @@ def placement(value: object, what: str) -> pin.SE3:
     """Return a pose out of a message: position [m] and quaternion xyzw, of length 1.
 
     Raises:
-        ConfigurationError: It is none; names it by `what`.
+        ConfigurationError: It is not a pose; names it by `what`.
     """
     pose = numbers(value, 7, what)
     if abs(float(np.linalg.norm(pose[3:])) - 1.0) > ROUNDED:

@@ -132,7 +132,7 @@ class Server:
         return secrets.compare_digest(token.encode(), self._token.encode())
 
     def redeem(self, ticket: str) -> bool:
-        """Whether this is a ticket of the server; it is none any more."""
+        """Whether this is a ticket of the server; it can be used once."""
         return time.monotonic() < self._tickets.pop(ticket, 0.0)
 
     def refresh(self) -> None:

@@ -105,9 +105,10 @@ class Detumbling:
         reasons = list(dict.fromkeys(attempt.story for attempt in failed))[-3:]
         told = f" Last attempts: {'; '.join(reasons)}." if reasons else ""
         raise self.account.failure(
-            f"{name}: no plan found that ends at rest, in {len(failed)} attempts; torque and "
-            f"capacity of the wheels take at least {least:.4g} s.{told} To relax: give a longer "
-            "duration, or leave final_attitude or joints of the goal open",
+            f"{name}: no plan found that ends at rest, in {len(failed)} "
+            f"attempt{'s' * (len(failed) != 1)}; torque and capacity of the wheels take at least "
+            f"{least:.4g} s.{told} To relax: give a longer duration, or leave final_attitude or "
+            "joints of the goal open",
             self.best or alone,
         )
 
