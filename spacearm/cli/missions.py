@@ -154,14 +154,14 @@ def hold_target(
 
     --with gives what else sa.hold takes: start, limits, seed. exact=false only estimates the
     distance, without a search for the nearest singular posture. regrasp.tip=left and
-    regrasp.grasp=ring, or a table regrasp of what Held.regrasp takes, plan how that hand regrasps;
+    regrasp.grasp=ring, or a table regrasp of what Held.regrasp takes, plan how that hand regrasps.
     --save then writes the posture after it.
 
     Options:
         target (TOML): What is held, and roughly where, with the names of sa.Target, as for
             spacearm catch; without it the fixed world is held, such as handrails of a station.
-        grasp (TIP=FRAME|TIP=X,Y,Z[,R,P,Y]): What a tip holds: a grapple frame of the target, or
-            a pose in the target's frame (for the fixed world in the inertial frame); once for each
+        grasp (TIP=FRAME|TIP=X,Y,Z[,R,P,Y]): What a tip holds: a grapple frame of the target, or a
+            pose in the target's frame (for the fixed world in the inertial frame). Once for each
             tip. Not needed if the file closes a chain, or with --tip LINK=LINK.
         fixed: Keep the target where it is; if the fixed world is held, keep the spacecraft.
         save (TOML): Write the posture; commands take the file in place of joint values.

@@ -202,8 +202,9 @@ def nearest(
         most: Most steps.
 
     Returns:
-        (2 + n,) the distance, that to first order where the point is not wanted; the length of the
-            last step, 0 there; the offset X of the point from q in radians, after one step there.
+        (2 + n,) the distance, the length of the last step, and the offset X of the point from q in
+        radians. Where the point is not wanted, the distance is that to first order, the length 0,
+        and X that after one step.
     """
 
     def step(X: Any, before: Any, last: Any, turns: Any, far: Any, _: Any) -> Any:

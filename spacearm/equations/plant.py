@@ -49,9 +49,9 @@ class Event(NamedTuple):
     """A function whose root is an event.
 
     Attributes:
-        kind: "determinant" of the task Jacobian, its rows of length 1; "upper" or "lower" limit of
-            a joint, "target" of a law, "wheel", each as far as it is away; "own" for a
-            function outside of (1 + states,) time and state, less its bound.
+        kind: "determinant" of the task Jacobian, its rows of length 1. "upper" or "lower" limit of
+            a joint, "target" of a law, "wheel": each as far as it is away. "own": a function
+            outside of (1 + states,) time and state, less its bound.
         of: Which joint, law or wheel.
     """
 

@@ -2,8 +2,8 @@
 
 Straight lines of the tip are followed in all directions until the spacecraft has turned too far.
 Broken lines go farther: cells of space are reached one from the next, by whatever way turns the
-spacecraft least, since its attitude depends on the path (w_0 dt is not a differential of a
-function). An envelope has both over the mass of the bus.
+spacecraft least. Its attitude depends on the path, as w_0 dt is not a differential of a function.
+An envelope has both over the mass of the bus.
 """
 
 from __future__ import annotations

@@ -28,10 +28,10 @@ def plot(
         thing: An arm, a configuration, or what a function of spacearm returns: a report, a map, a
             singular set, a workspace, a risk, a motion, a capture, the arrays of `evaluate`, the
             datasets of `design`, `sweep` and `simulate_many`, ...
-        ax: Matplotlib axes to draw into, with `projection="3d"` for drawings in space; for drawings
-            of several panels a sequence of axes, as `sa.plot(thing).axes` has them. Or a figure or
-            subfigure, which gets the axes that are needed (best made with layout="constrained").
-            None makes a new figure.
+        ax: Matplotlib axes to draw into, with `projection="3d"` for drawings in space. For
+            drawings of several panels a sequence of axes, as `sa.plot(thing).axes` has them. Or a
+            figure or subfigure, which gets the axes that are needed (best made with
+            layout="constrained"). None makes a new figure.
         **options: What some drawings take besides. Motions: `target` (a point to mark) and
             `workspace`, both [m] in inertial axes. Workspaces: `path` (points from the system CM
             [m]) and `profile` (a risk profile). Arms and configurations: `color` and `label`;

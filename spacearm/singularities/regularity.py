@@ -7,9 +7,9 @@ which lies between its Bernstein coefficients. Those of different links only add
 number of parameters does not matter.
 
 Along a chord of the path the elements of M are trigonometric polynomials of degree up to 3 in each
-joint, and so of exponential type tau = 3 sum |dq| on [-1, 1], dq half of the chord. By Bernstein's
-inequality interpolation at d Chebyshev nodes is off by at most tau^d / (2^(d-1) d!) of their
-bound. Where the path leaves its chord by e, they change by at most 3 sum |e| of it.
+joint. So they are of exponential type tau = 3 sum |dq| on [-1, 1], dq half of the chord. By
+Bernstein's inequality interpolation at d Chebyshev nodes is off by at most tau^d / (2^(d-1) d!) of
+their bound. Where the path leaves its chord by e, they change by at most 3 sum |e| of it.
 
 With X the inverse (of redundant arms the pseudoinverse) of M in the middle, M X = 1 + E. Where
 |E| <= R element by element, and R v < v for some v > 0, no such M is singular: M is strongly

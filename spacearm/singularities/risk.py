@@ -1,9 +1,9 @@
 """Share of configurations near a singularity, over the tip's distance from the system CM or pose.
 
 A point belongs to the path dependent workspace as soon as one of the configurations that reach it
-is singular, so that for spatial arms often every point does (Calzolari, Lampariello & Giordano
-2020, "Singularity maps of space robots and their application to gradient-based trajectory
-planning"). These statistics give the share of configurations near a singularity instead.
+is singular. For spatial arms often every point does: Calzolari, Lampariello & Giordano,
+Singularity maps of space robots and their application to gradient-based trajectory planning
+(2020). These statistics give the share of configurations near a singularity instead.
 """
 
 from __future__ import annotations
