@@ -155,7 +155,7 @@ def _refused(error: TyperException) -> str:
         word = left[1].rstrip(")")
         option = word.startswith("-") and not NUMBER.fullmatch(word)
         message = f"{word!r} is {'not an option here' if option else 'one word too many'}"
-    message = re.sub(r"is not a valid (?:int\w*|float)( range)?$", "is not such a number", message)
+    message = re.sub(r"is not a valid (int|float)[\w ]*$", "is not a valid number", message)
     return message if message.endswith("?") else f"{message}; see --help"
 
 

@@ -151,7 +151,7 @@ def test_help_and_version():
         (("query", "planar2", "1", "2", "--tip", ""), "unknown link ''"),
         (("query", "planar2", "1", "2", "--check", "no"), "unknown check 'no'"),
         (("plan", "planar2", "1", "2", "--goal", "1"), "--goal has 1 number; the task of planar2"),
-        (("risk", "planar2", "--samples", "a"), "'a' is not such a number; see --help"),
+        (("risk", "planar2", "--samples", "a"), "'a' is not a valid number; see --help"),
         (("sweep", "a.toml", "-o", "b"), "'-o' is not an option here; see --help"),
         (("wheels", "planar2"), "give --motion or --tip-speed, one of them"),
         (("query",), "MODEL'; see --help"),
