@@ -104,10 +104,10 @@ def read_measured(path: Path, arm: SpaceArm) -> tuple[Motion, Array | None, Arra
         first, *lines = path.read_text(encoding="utf-8-sig").splitlines()
         values = np.array([[float(x) for x in line.split(",")] for line in lines if line.strip()])
     except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{path} is not a table of numbers with a head: {error}") from None
+        raise ConfigurationError(f"{path} is not a CSV table with a header: {error}") from None
     heads = [head.strip() for head in first.split(",")]
     if values.ndim != 2 or values.shape[1] != len(heads):
-        raise ConfigurationError(f"{path} has lines of other lengths than its {len(heads)} heads")
+        raise ConfigurationError(f"{path}: give {len(heads)} numbers in a line, as in the header")
     pose = [f"base {column}" for column in _columns(arm, "pose")]
     twist = [*(f"twist v{x} [m/s]" for x in "xyz"), *(f"twist w{x} [rad/s]" for x in "xyz")]
     q, dq = ([f"{what} {column}" for column in _columns(arm, "joint", unit)]

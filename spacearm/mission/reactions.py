@@ -403,7 +403,7 @@ def size_wheels(
     if not cfgs:
         raise NoSolutionError(
             f"all {samples} postures of {arm.name} are within {np.degrees(near):.3g}° of a "
-            "singularity of the arm with its attitude held; lower near, or take a smaller task"
+            "singularity of the arm with its attitude held; lower near, or take fewer task rows"
         )
     G = np.array(moved)
     return WheelSizing(
