@@ -11,6 +11,7 @@ centre c and half widths h
     F(x) >= F(c) - |grad F(c)| h - rest,
 
 the rest from the second and third derivatives at c and a bound of the fourth ones everywhere.
+Where F bends upwards along a joint, that makes up for some of the slope.
 Given F(c) = 1, the a and b that make |grad F(c)| h least, or this and the rest, solve a small
 linear system. At the common root nearest to the centre of a ball some sum of the gradients is
 along x, which b takes away. Boxes there are wide beside the gap between ball and root, and few
@@ -56,7 +57,8 @@ class Monomials(NamedTuple):
         indices: The coordinates of each, as often as it has them.
         linear: How many have degree 1.
         factor: (t,) what a Taylor coefficient is of the derivative.
-        even: (t,) which are squares, never negative.
+        even: (t,) which are squares, never negative, in the order of those of degree 1.
+        powers: (t, n) how often each has each coordinate.
         share: (t, n) what each coordinate takes of them.
     """
 
@@ -64,6 +66,7 @@ class Monomials(NamedTuple):
     linear: int
     factor: Array
     even: Booleans
+    powers: Array
     share: Array
 
     @classmethod
@@ -80,6 +83,7 @@ class Monomials(NamedTuple):
             int((size == 1).sum()),
             factor,
             (size == 2) & (powers.max(axis=1, initial=0) == 2),
+            powers.astype(float),
             powers / size[:, None],
         )
 
@@ -153,13 +157,53 @@ class Expansion(NamedTuple):
         total = (a * self.value).sum(axis=1)
         return a / np.where(total == 0.0, np.inf, total)[:, None]
 
+    @property
+    def steady(self) -> Array:
+        """(m, p, n) signs of the first derivatives that have one everywhere in the box; else zeros.
+
+        h_j times the derivative in x_j of a monomial is at most the monomial itself, as often as it
+        has x_j; of what the fourth derivatives add, four times.
+        """
+        first, later = np.split(self.monomials.powers, [self.monomials.linear])
+        slope = self.slope @ first
+        less = np.abs(self.terms[:, :, len(first) :]) @ later
+        less += 4.0 * self.fourth + 3.0 * self.noise[:, :, None]
+        return np.where(np.abs(slope) > less * (1.0 + ROUNDING), np.sign(slope), 0.0)
+
     def least(self, a: Array) -> tuple[Array, Array]:
-        """Bound the sums with factors (m, p) from below, (m,), and say what each joint takes."""
+        """Bound the sums with factors (m, p) from below, (m,), and say what each joint takes.
+
+        A square s t^2 of positive s makes up for some of a slope b: where |t| <= 1, b t + s t^2 is
+        s - |b| at least, or -b^2 / 4 s.
+        """
         size, own = np.abs(a), self.monomials
         terms = (a[:, None] @ self.terms)[:, 0]
-        amount = np.where(own.even & (terms > 0.0), 0.0, np.abs(terms))
+        amount, bow = np.abs(terms), np.maximum(terms[:, own.even], 0.0)
+        amount[:, own.even] -= bow
+        slope = amount[:, : own.linear]
+        inner = slope < 2.0 * bow
+        lowest = slope**2 / np.where(inner, 4.0 * bow, 1.0)
+        amount[:, : own.linear] = np.where(inner, lowest, slope - bow)
         taken = amount @ own.share + (size[:, None] @ self.fourth)[:, 0]
         return (a * self.value - size * self.noise).sum(axis=1) - taken.sum(axis=1), taken
+
+
+class Trial(NamedTuple):
+    """What came of a trial of m boxes.
+
+    Attributes:
+        free: (m,) whether it is proven that they hold no common root.
+        taken: (m, n) what the width of each coordinate takes, as a share of the value.
+        work: How many boxes were tried, in shares of all coefficients.
+        value: (m,) values in the middle of what changes its sign at roots; zeros if nothing does.
+        steady: (m, n) signs of its derivatives that keep them everywhere in the box; else zeros.
+    """
+
+    free: Booleans
+    taken: Array
+    work: int
+    value: Array
+    steady: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,9 +288,7 @@ class Roots:
             self._noise * (1.0 + turn + turn**2 / 2.0 + turn**3 / 6.0),
         )
 
-    def tried(
-        self, centre: Array, half: Array, age: Integers, inside: Form | None = None
-    ) -> tuple[Booleans, Array, int]:
+    def tried(self, centre: Array, half: Array, age: Integers, inside: Form | None = None) -> Trial:
         """Tell which boxes are free, of young ones by the smallest polynomials alone.
 
         Args:
@@ -254,22 +296,23 @@ class Roots:
             half: As of `free`.
             age: (m,) how often boxes were halved since all polynomials were tried; written to.
             inside: As of `free`.
-
-        Returns:
-            (m,) whether it is proven, (m, n) as of `free`, and the number of boxes that were tried,
-            in shares of all coefficients.
         """
         small = self.small
-        free, taken = small.free(centre, half, inside)
+        own = small.expanded(centre, half)
+        free, taken = small.judged(own, half, inside)
         age += 1
+        if self.alone:
+            return Trial(free, taken, len(age), own.value[:, 0], own.steady[:, 0])
+        nothing = np.zeros(len(age)), np.zeros(half.shape)
         if small is self:
-            return free, taken, len(age)
+            return Trial(free, taken, len(age), *nothing)
         again = np.flatnonzero(~free & (age > PATIENCE))
         if len(again):
             part = None if inside is None else Form(*(numbers[again] for numbers in inside))
             free[again], taken[again] = self.free(centre[again], half[again], part)
             age[again] = 0
-        return free, taken, math.ceil(small.size / self.size * len(age)) + len(again)
+        work = math.ceil(small.size / self.size * len(age)) + len(again)
+        return Trial(free, taken, work, *nothing)
 
     def free(
         self, centre: Array, half: Array, inside: Form | None = None
@@ -285,7 +328,11 @@ class Roots:
             (m,) whether it is proven, and (m, n) what the width of each joint takes, in all as much
             as in the best trial, as a share of the value.
         """
-        own, p = self.expanded(centre, half), len(self.polynomials)
+        return self.judged(self.expanded(centre, half), half, inside)
+
+    def judged(self, own: Expansion, half: Array, inside: Form | None) -> tuple[Booleans, Array]:
+        """Tell as `free` which boxes hold no common root, from the expansions in them."""
+        p = len(self.polynomials)
         trials = [(own, own.normalised(np.eye(p)[[i]])) for i in range(p)]
         if p > 1:
             trials += [(own, own.factors(rest)) for rest in (0.0 * own.rest, own.rest)]
@@ -295,8 +342,8 @@ class Roots:
                 a = both.factors(rest)
                 a[:, p] = np.maximum(a[:, p], 0.0)
                 trials.append((both, a))
-        proven, taken = np.zeros(len(centre), dtype=bool), np.zeros_like(half)
-        least = np.full(len(centre), np.inf)
+        proven, taken = np.zeros(len(half), dtype=bool), np.zeros_like(half)
+        least = np.full(len(half), np.inf)
         for functions, a in trials:
             bound, by_joint = functions.least(a)
             proven |= bound > 0.0
@@ -348,7 +395,7 @@ def prove(
             return Proof(min(max(float(away[now[0]]), 0.0), tubes.radius), open_, tried)
         inside = tubes.form(centre[now], half[now], of[now])
         older = age[now]
-        free, taken, work = roots.tried(centre[now], half[now], older, inside)
+        free, taken, work, *_ = roots.tried(centre[now], half[now], older, inside)
         tried += work
         if progress:
             progress(work)

@@ -133,39 +133,45 @@ class Jets:
         """Evaluate at Q (m, n), with derivatives up to an order from 0 to 3."""
         return Jet(*(part[:, 0] for part in stacked([self], Q, order)))
 
-    def partials(self, tensors: Array, Q: Array, order: int) -> dict[tuple[int, ...], Array]:
-        """Compute the partial derivatives (m, c) by the coordinates they are taken in.
+    def partials(self, tensors: Array, Q: Array, order: int) -> tuple[list[tuple[int, ...]], Array]:
+        """Compute the partial derivatives up to an order that may be other than zero.
 
         Args:
             tensors: (c, ...) coefficients of polynomials of the same degrees, as `tensor`.
             Q: (m, n) where.
             order: Up to which order.
+
+        Returns:
+            The coordinates that each is taken in, t of them, and (m, t, c) the derivatives.
         """
         m = len(Q)
         if not self._axes:
-            return {(): np.tile(tensors, (m, 1))}
+            return [()], np.tile(tensors, (m, 1, 1))
         axes, waves = list(self._axes), self._waves(Q, order)
         j = axes.pop()
-        size = waves[j].shape[1]
-        first = tensors.reshape(-1, size) @ waves[j].transpose(1, 0, 2).reshape(size, -1)
-        first = first.reshape(-1, m, order + 1).transpose(2, 1, 0)
-        partial = {(j,) * e: first[e] for e in range(order + 1)}
-        while axes:
+        size = waves[j].shape[2]
+        first = waves[j].reshape(-1, size) @ tensors.reshape(-1, size).T
+        first = first.reshape(m, order + 1, -1)
+        indices, found = [[(j,) * e] for e in range(order + 1)], np.split(first, order + 1, axis=1)
+        while axes:  # the indices and derivatives of each order
             j = axes.pop()
-            size, after = waves[j].shape[1], {}
-            for of, values in partial.items():
-                left = order - len(of)
-                sums = values.reshape(m, -1, size) @ waves[j][:, :, : left + 1]
-                for e in range(left + 1):
-                    after[(*of, *(j,) * e)] = sums[:, :, e]
-            partial = after
-        return {of: values.reshape(m, -1) for of, values in partial.items()}
+            size, before = waves[j].shape[2], indices
+            parts: list[list[Array]] = [[] for _ in before]
+            indices = [[] for _ in before]
+            for d, (of, values) in enumerate(zip(before, found, strict=True)):
+                left = order + 1 - d
+                sums = values.reshape(m, -1, size) @ waves[j][:, :left].swapaxes(1, 2)
+                for e in range(left):
+                    indices[d + e] += [(*index, *(j,) * e) for index in of]
+                    parts[d + e].append(sums[:, :, e].reshape(m, len(of), -1))
+            found = [np.concatenate(values, axis=1) for values in parts]
+        return [index for of in indices for index in of], np.concatenate(found, axis=1)
 
     def _waves(self, Q: Array, order: int) -> dict[int, Array]:
         """Compute the bases of the coordinates that matter, and derivatives.
 
         Returns:
-            (m, size, order + 1) of each.
+            (m, order + 1, size) of each.
         """
         found, degrees = {}, self.polynomial.degrees
         k = np.arange(1, max(degrees) + 1)
@@ -175,13 +181,14 @@ class Jets:
             d = degrees[j]
             if self.chart.slides[j]:
                 x = (Q[:, j] - self.chart.centre[j]) / self.chart.half[j]
-                found[j] = chebyshev(x, d, order) / self.chart.half[j] ** np.arange(order + 1)
+                T = chebyshev(x, d, order) / self.chart.half[j] ** np.arange(order + 1)
+                found[j] = np.ascontiguousarray(T.swapaxes(1, 2))
                 continue
-            found[j] = waves = np.zeros((len(Q), 2 * d + 1, order + 1))
+            found[j] = waves = np.zeros((len(Q), order + 1, 2 * d + 1))
             waves[:, 0, 0] = 1.0
             cosine, sine = (circle[:, j, :d] for circle in circles)
             for e in range(order + 1):
-                waves[:, 1 : d + 1, e], waves[:, d + 1 :, e] = cosine, sine
+                waves[:, e, 1 : d + 1], waves[:, e, d + 1 :] = cosine, sine
                 cosine, sine = -k[:d] * sine, k[:d] * cosine
         return found
 
@@ -251,16 +258,17 @@ def derivatives(polynomials: Sequence[Jets], Q: Array, indices: Sequence[tuple[i
     """
     order = max(map(len, indices))
     wanted = [tuple(sorted(index)) for index in indices]
-    found = np.empty((len(Q), len(polynomials), len(indices)))
+    found = np.zeros((len(Q), len(polynomials), len(indices)))
     alike: dict[tuple[int, ...], list[int]] = {}
     for i, f in enumerate(polynomials):
         alike.setdefault(f.polynomial.degrees, []).append(i)
 
     def do(which: list[int], tensors: Array, rows: slice) -> None:
-        partial = polynomials[which[0]].partials(tensors, Q[rows], order)
-        places = {tuple(sorted(of)): i for i, of in enumerate(partial)}
-        values = np.stack([*partial.values(), np.zeros_like(partial[()])], axis=-1)
-        found[rows, which] = values[..., [places.get(of, len(places)) for of in wanted]]
+        of, values = polynomials[which[0]].partials(tensors, Q[rows], order)
+        places = {tuple(sorted(index)): i for i, index in enumerate(of)}
+        own = [t for t, index in enumerate(wanted) if index in places]
+        at = [places[wanted[t]] for t in own]
+        found[np.ix_(range(*rows.indices(len(Q))), which, own)] = values[:, at].swapaxes(1, 2)
 
     work = []
     for which in alike.values():

@@ -5,6 +5,11 @@ moves on as soon as the slab that it adds is proven free (`polynomial.free_regio
 where a singular configuration is found in the slab. With a clearance the slab counts with
 everything that is no farther from it.
 
+One polynomial S that changes its sign at singular configurations keeps it in a box if its least
+value there, times that sign, is positive. Where dS/dx_j has one sign all over a cell, the least is
+not in it, or on the face of the cell that is an end of the box: the other cells go, and those at
+the end shrink to their face. With a clearance the least is not looked for.
+
 The box may have coordinates beyond the joints, whose ranges stand from the beginning: the numbers
 of an arm that are known in intervals (`uncertainty.robust_boxes`).
 """
@@ -36,7 +41,7 @@ from spacearm.files import write
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_scales
-from spacearm.polynomial.free_regions import Roots, halved
+from spacearm.polynomial.free_regions import Roots, Trial, halved
 from spacearm.polynomial.tubes import ROUNDING
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.signatures import checked
@@ -52,13 +57,15 @@ BATCH = 512
 #: Clouds of configurations about a singular one, each half as wide, among which nearer ones are
 #: looked for.
 POLISHED = 14
-#: Starts of a search for singular configurations of several minors, from cells and about one that
-#: was found, and in a whole slab; steps of each.
+#: Starts of a search for singular configurations, about one that was found and in a whole slab, and
+#: of several minors from cells; steps of each of these.
 FEW, MANY, DESCENT = 64, 256, 12
 #: Distance to first order up to which such a search has arrived.
 ON_THE_SET = 1e-9
 #: Half width of cells that are not halved.
 NARROW = 1e-7
+#: Share of an end of a box within which a cell reaches it.
+AT_THE_END = 1e-12
 #: Parts of a way to a root, in the first of which with a change of sign it is found.
 PARTS = 64
 TURN = 2.0 * np.pi
@@ -312,8 +319,8 @@ class Region(Protocol):
     def values(self, X: Array) -> Array:
         """Compute what changes its sign, (m,) at x (m, n)."""
 
-    def tried(self, centre: Array, half: Array, age: Integers) -> tuple[Booleans, Array, int]:
-        """Tell which boxes (m, n) are free, what the width of each coordinate takes, and the work.
+    def tried(self, centre: Array, half: Array, age: Integers) -> Trial:
+        """Tell which boxes (m, n) are free.
 
         What is kept of a box while it is halved is its age (m,), zero at first.
         """
@@ -570,32 +577,62 @@ class Growth:
             return False, root
         outer = np.array((low - self.clear, high + self.clear))
         half = 0.5 * (outer[1] - outer[0]) * (1.0 + ROUNDING)
-        stack = [(outer.mean(axis=0)[None], half[None], np.zeros(1, dtype=int))]
+        cells = [outer.mean(axis=0)[None], half[None], np.zeros(1, dtype=int)]
         looked = 0
-        while stack:
-            centre, half, age = stack.pop()
-            if len(centre) > BATCH:
-                stack.append((centre[BATCH:], half[BATCH:], age[BATCH:]))
-                centre, half, age = centre[:BATCH], half[:BATCH], age[:BATCH]
-            free, taken, work = self.region.tried(centre, half, age)
-            looked += work
-            self.cells += work
+        while len(cells[0]):
+            centre, half, age = (part[-BATCH:] for part in cells)
+            cells = [part[:-BATCH] for part in cells]
+            trial = self.region.tried(centre, half, age)
+            looked += trial.work
+            self.cells += trial.work
             if self.progress:
                 self.progress(min(self.cells, self.effort.cells), self.effort.cells)
-            centre, half, age, taken = (part[~free] for part in (centre, half, age, taken))
+            beyond = trial.value * self.sign < 0.0
+            left = ~trial.free | beyond
+            parts = (centre, half, age, trial.taken, trial.steady * self.sign, beyond)
+            centre, half, age, taken, rising, beyond = (part[left] for part in parts)
             if not len(centre):
                 continue
             root = None
-            if self.alone or looked > BATCH:
-                smallest = np.argsort(half.max(axis=1))[: BATCH if self.alone else FEW]
+            if beyond.any():
+                root = self.crossing(low, high, side, centre[beyond])
+            elif not self.alone and looked > BATCH:
+                smallest = np.argsort(half.max(axis=1))[:FEW]
                 root = self.crossing(low, high, side, centre[smallest])
             narrow = half.max(axis=1).min() < NARROW
             if root is not None or looked >= self.effort.slab or narrow:
                 return False, root
-            centre, half = halved(centre, half, taken)
+            if not self.clearance:
+                left, centre, half = self.least(centre, half, rising, low, high)
+                centre, half, age, taken = (part[left] for part in (centre, half, age, taken))
+            centre, half = halved(centre, half, np.where(half > 0.0, taken, 0.0))
             near = self.away(centre, half, low, high) <= self.clearance
-            stack.append((centre[near], half[near], np.tile(age, 2)[near]))
+            new = centre[near], half[near], np.tile(age, 2)[near]
+            cells = [np.concatenate(pair) for pair in zip(cells, new, strict=True)]
         return True, None
+
+    def least(
+        self, centre: Array, half: Array, rising: Array, low: Array, high: Array
+    ) -> tuple[Booleans, Array, Array]:
+        """Find the cells in which |S| may be least of all in the box with a slab.
+
+        Args:
+            centre: (m, n) centres.
+            half: (m, n) half widths.
+            rising: (m, n) signs of the derivatives of |S|, where they keep them in the cell.
+            low: (n,) lower corner of the slab.
+            high: (n,) upper corner.
+
+        Returns:
+            (m,) which cells; and (m, n) centres and half widths of the parts that count.
+        """
+        corners = self.corners()
+        low, high = np.minimum(low, corners[0]), np.maximum(high, corners[1])
+        near = AT_THE_END * (1.0 + np.maximum(np.abs(low), np.abs(high)))
+        down, up = rising > 0.0, rising < 0.0
+        inner = (down & (centre - half > low + near)) | (up & (centre + half < high - near))
+        centre = np.where(down, low, np.where(up, high, centre))
+        return np.asarray(~inner.any(axis=1)), centre, np.where(down | up, 0.0, half)
 
     def away(self, centre: Array, half: Array | float, low: Array, high: Array) -> Array:
         """Return how far cells are from a slab, rounded down."""
@@ -621,8 +658,8 @@ class Growth:
         start, end = low - self.clear, high + self.clear
         for i in range(POLISHED):
             if X is None:
-                starts = BATCH if self.alone else FEW if i else MANY
-                spread = self.rng.uniform(-0.5, 0.5, (starts, len(low))) * (end - start)
+                starts = FEW if i else MANY, len(low)
+                spread = self.rng.uniform(-0.5, 0.5, starts) * (end - start)
                 middle = 0.5 * (start + end) if best is None else best
                 X = np.clip(middle + spread * 0.6**i, start, end)
             seen = [*self.roots_from(X, low, high, side, start, end)]
@@ -633,7 +670,9 @@ class Growth:
             if side is not None and not self.clearance:  # only nearer ones count from now on
                 (end if side[1] else start)[side[0]] = best[side[0]]
             X = None
-        return best
+        if best is None or not self.alone:
+            return best
+        return self.root(*self.between(best, low, high, side))
 
     def roots_from(
         self,
@@ -646,8 +685,8 @@ class Growth:
     ) -> Array:
         """Return singular x (k, n) in a slab, or no farther from it than the clearance.
 
-        A minor that is alone changes its sign on the way there; several are followed by the
-        Gauss-Newton method, between `start` and `end`.
+        A minor that is alone changes its sign on the way there: x is just beyond. Several are
+        followed by the Gauss-Newton method, between `start` and `end`.
         """
         if not self.alone:
             n = self.arm.n  # of uncertain numbers the middle is searched
@@ -661,7 +700,7 @@ class Growth:
         if not len(X):
             return X
         nearest = X[np.argmin(self.gaps(X, low, high, side))]
-        return self.between(nearest, low, high, side)[None]
+        return self.between(nearest, low, high, side)[1][None]
 
     def clipped(self, X: Array, low: Array, high: Array, side: tuple[int, int] | None) -> Array:
         """Return the points nearest to x (m, n) on the side from which a slab grows."""
@@ -676,13 +715,18 @@ class Growth:
         """Return how far x (m, n) are from that side."""
         return np.asarray(np.linalg.norm(X - self.clipped(X, low, high, side), axis=1))
 
-    def between(self, x: Array, low: Array, high: Array, side: tuple[int, int] | None) -> Array:
-        """Return the root between x (n,), where the sign is another, and that side."""
+    def between(
+        self, x: Array, low: Array, high: Array, side: tuple[int, int] | None
+    ) -> tuple[Array, Array]:
+        """Return the ends of the first part of the way from that side to x (n,) with a root."""
         edge = self.clipped(x[None], low, high, side)
         way = edge + np.linspace(0.0, 1.0, PARTS + 1)[:, None] * (x - edge)
         other = self.region.values(way[1:-1]) * self.sign < 0.0
         first = int(np.argmax(np.append(other, True)))
-        here, there = way[first : first + 2]
+        return way[first], way[first + 1]
+
+    def root(self, here: Array, there: Array) -> Array:
+        """Return the root between x (n,) of different signs."""
 
         def value(share: float) -> float:
             return float(self.region.values((here + share * (there - here))[None])[0])

@@ -27,6 +27,7 @@ from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.batch import tips_from_centre
 from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import SpaceArm
+from spacearm.polynomial.free_regions import Trial
 from spacearm.polynomial.jets import Jets, stacked
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.univariate import Complex
@@ -232,15 +233,12 @@ class Family:
         value = determinants(self.matrix(X))
         return np.where(np.abs(value) > SURE, value, 0.0)
 
-    def tried(self, centre: Array, half: Array, _: Integers) -> tuple[Booleans, Array, int]:
+    def tried(self, centre: Array, half: Array, _: Integers) -> Trial:
         """Tell in which boxes no arm is singular, rounding included.
 
         Args:
             centre: (m, n + p) centres, in x and the shares.
             half: (m, n + p) half widths.
-
-        Returns:
-            (m,) whether it is proven, (m, n + p) what the width of each coordinate takes, and m.
         """
         seen, n = self.enclosure(centre, half), len(self.unit)
         proven, v = strongly_regular(seen.bound)
@@ -250,7 +248,9 @@ class Family:
             columns = n + np.array(link)
             widest = columns[half[:, columns].argmax(axis=1)]
             taken[np.arange(len(half)), widest] = ((part @ v) / v).max(axis=(1, 2))
-        return proven & np.isfinite(seen.bound).all(axis=(1, 2)), taken, len(half)
+        proven &= np.isfinite(seen.bound).all(axis=(1, 2))
+        value = self.values(centre) if self.alone else np.zeros(len(half))
+        return Trial(proven, taken, len(half), value, np.zeros(half.shape))
 
     def enclosure(self, centre: Array, half: Array) -> Enclosure:
         """Bound M X - 1 in boxes; arguments as those of `tried`."""

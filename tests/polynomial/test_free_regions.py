@@ -97,6 +97,19 @@ def test_a_box_as_such_is_free_or_holds_a_root():
     assert (taken >= 0.0).all()
 
 
+def test_a_derivative_that_keeps_its_sign_in_a_box_has_it_at_all_points():
+    rng = np.random.default_rng(0)
+    f = Jets.of(TrigPolynomial.fit(lambda Q: np.sin(Q @ [1, -2, 1]) + np.cos(Q[:, 1]), 3))
+    centre, half = rng.uniform(-1, 1, (300, 3)), rng.uniform(0.001, 0.4, (300, 3))
+    half[::3, 0] = 0.0  # faces
+    steady = about([f], 3).tried(centre, half, np.zeros(300, dtype=int)).steady
+    assert not steady[::3, 0].any()
+    assert (steady != 0.0)[half > 0.0].mean() > 0.3
+    X = centre + half * rng.uniform(-1, 1, (100, 1, 3)).clip(-0.5, 0.5) * 2.0  # faces and corners
+    slope = f(X.reshape(-1, 3), 1).gradient.reshape(X.shape)
+    assert (slope * steady >= 0.0).all()
+
+
 def test_rounding_counts():
     """A polynomial that is as small as its error everywhere proves nothing."""
     f = TrigPolynomial.fit(lambda Q: 2.0 + np.cos(Q[:, 0]), 1)

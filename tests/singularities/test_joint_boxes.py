@@ -8,9 +8,9 @@ import spacearm as sa
 
 
 def inside(box, rng, m=4000):
-    """Random joint positions in a box; where any angle is free, a whole turn."""
+    """Random joint positions in a box, its faces and corners; where any angle is free, a turn."""
     low, high = np.clip(box.lower, -np.pi, None), np.clip(box.upper, None, np.pi)
-    return low + (high - low) * rng.uniform(size=(m, box.arm.n))
+    return low + (high - low) * rng.uniform(-0.5, 1.5, size=(m, box.arm.n)).clip(0.0, 1.0)
 
 
 def ends(box):
@@ -68,6 +68,16 @@ def test_joints_that_do_not_matter_have_their_whole_range():
     box, S = sa.free_box(arm.at(q)), sa.singularity_polynomial(arm)
     assert (box.lower[5], box.upper[5]) == (arm.lower[5], arm.upper[5])
     assert [stop.why for stop in box.stops[10:]] == ["irrelevant"] * 2
+    assert (S(inside(box, rng, 20_000)) * S(q) > 0.0).all()
+    check_stops(box)
+
+
+@pytest.mark.slow
+def test_no_part_of_a_box_has_the_other_sign():
+    """Cells in which S keeps its sign, and a derivative its own, may lie beyond the set."""
+    arm = sa.load("mda6")
+    q, rng = np.radians([34, 61, -37, 140, -98, 44]), np.random.default_rng(0)
+    box, S = sa.free_box(arm.at(q)), sa.singularity_polynomial(arm)
     assert (S(inside(box, rng, 20_000)) * S(q) > 0.0).all()
     check_stops(box)
 
