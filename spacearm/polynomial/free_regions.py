@@ -46,6 +46,8 @@ NARROW = 1e-7
 #: Share of all coefficients that the polynomials tried first have at most, and how often a box is
 #: halved with these alone before all are tried.
 SMALL, PATIENCE = 0.31, 5
+#: Share of an end of a region within which a box reaches it.
+AT_THE_END = 1e-12
 #: Share of the squared slopes that is added to the small systems, which may be singular.
 RIDGE = 1e-14
 
@@ -416,3 +418,28 @@ def halved(centre: Array, half: Array, taken: Array) -> tuple[Array, Array]:
     widest = np.arange(half.shape[1]) == taken.argmax(axis=1)[:, None]
     h, step = np.where(widest, half / 2.0, half), np.where(widest, half / 2.0, 0.0)
     return np.concatenate((centre - step, centre + step)), np.concatenate((h, h))
+
+
+def shrunk(
+    centre: Array, half: Array, rising: Array, low: Array, high: Array
+) -> tuple[Booleans, Array, Array]:
+    """Find the parts of boxes in which a function may be least of all in a region.
+
+    Where its derivative in x_j keeps its sign in a box, the least is not in that box, or on the
+    face of the box that is an end of the region: others go, and those at the end shrink to it.
+
+    Args:
+        centre: (m, n) centres.
+        half: (m, n) half widths.
+        rising: (m, n) signs of the derivatives, where they keep them in the box; else zeros.
+        low: (n,) lower corner of the region.
+        high: (n,) upper corner.
+
+    Returns:
+        (m,) which boxes, and (m, n) centres and half widths of all parts.
+    """
+    near = AT_THE_END * (1.0 + np.maximum(np.abs(low), np.abs(high)))
+    down, up = rising > 0.0, rising < 0.0
+    inner = (down & (centre - half > low + near)) | (up & (centre + half < high - near))
+    centre = np.where(down, low, np.where(up, high, centre))
+    return np.asarray(~inner.any(axis=1)), centre, np.where(down | up, 0.0, half)

@@ -5,10 +5,8 @@ moves on as soon as the slab that it adds is proven free (`polynomial.free_regio
 where a singular configuration is found in the slab. With a clearance the slab counts with
 everything that is no farther from it.
 
-One polynomial S that changes its sign at singular configurations keeps it in a box if its least
-value there, times that sign, is positive. Where dS/dx_j has one sign all over a cell, the least is
-not in it, or on the face of the cell that is an end of the box: the other cells go, and those at
-the end shrink to their face. With a clearance the least is not looked for.
+One polynomial S that changes its sign at singular configurations keeps it in a box if |S| is not
+zero where it is least (`free_regions.shrunk`). With a clearance all cells are proven.
 
 The box may have coordinates beyond the joints, whose ranges stand from the beginning: the numbers
 of an arm that are known in intervals (`uncertainty.robust_boxes`).
@@ -41,7 +39,7 @@ from spacearm.files import write
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_scales
-from spacearm.polynomial.free_regions import Roots, Trial, halved
+from spacearm.polynomial.free_regions import Roots, Trial, halved, shrunk
 from spacearm.polynomial.tubes import ROUNDING
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.signatures import checked
@@ -62,12 +60,8 @@ POLISHED = 14
 FEW, MANY, DESCENT = 64, 256, 12
 #: Distance to first order up to which such a search has arrived.
 ON_THE_SET = 1e-9
-#: Half width of cells that are not halved.
-NARROW = 1e-7
-#: Share of an end of a box within which a cell reaches it.
-AT_THE_END = 1e-12
-#: Parts of a way to a root, in the first of which with a change of sign it is found.
-PARTS = 64
+#: Half width of cells that are not halved; parts of a way to a root.
+NARROW, PARTS = 1e-7, 64
 TURN = 2.0 * np.pi
 
 Side = Literal["lower", "upper"]
@@ -337,18 +331,9 @@ def grown(
     progress: Progress | None,
     effort: Effort = POLYNOMIALS,
 ) -> Growth:
-    """Grow a box about postures; see `free_box`.
+    """Grow a box about postures as `free_box` does.
 
-    Args:
-        about: The configuration or motion.
-        region: Returns what proves, of origin, unit, least and largest x of the joints, (n,) each.
-        mode: What the spacecraft does.
-        joints: As the others of `free_box`.
-        at_least: As there.
-        within: As there.
-        clearance: As there.
-        progress: As there.
-        effort: How it grows, and how long.
+    `region` returns what proves, of origin, unit, least and largest x of the joints, (n,) each.
     """
     arm, rows = about.arm, np.atleast_2d(np.asarray(about.q, dtype=np.float64))
     if clearance:
@@ -578,13 +563,12 @@ class Growth:
         outer = np.array((low - self.clear, high + self.clear))
         half = 0.5 * (outer[1] - outer[0]) * (1.0 + ROUNDING)
         cells = [outer.mean(axis=0)[None], half[None], np.zeros(1, dtype=int)]
-        looked = 0
+        looked, box = 0, self.corners()
         while len(cells[0]):
             centre, half, age = (part[-BATCH:] for part in cells)
             cells = [part[:-BATCH] for part in cells]
             trial = self.region.tried(centre, half, age)
-            looked += trial.work
-            self.cells += trial.work
+            looked, self.cells = looked + trial.work, self.cells + trial.work
             if self.progress:
                 self.progress(min(self.cells, self.effort.cells), self.effort.cells)
             beyond = trial.value * self.sign < 0.0
@@ -603,36 +587,14 @@ class Growth:
             if root is not None or looked >= self.effort.slab or narrow:
                 return False, root
             if not self.clearance:
-                left, centre, half = self.least(centre, half, rising, low, high)
+                ends = np.minimum(low, box[0]), np.maximum(high, box[1])
+                left, centre, half = shrunk(centre, half, rising, *ends)
                 centre, half, age, taken = (part[left] for part in (centre, half, age, taken))
             centre, half = halved(centre, half, np.where(half > 0.0, taken, 0.0))
             near = self.away(centre, half, low, high) <= self.clearance
             new = centre[near], half[near], np.tile(age, 2)[near]
             cells = [np.concatenate(pair) for pair in zip(cells, new, strict=True)]
         return True, None
-
-    def least(
-        self, centre: Array, half: Array, rising: Array, low: Array, high: Array
-    ) -> tuple[Booleans, Array, Array]:
-        """Find the cells in which |S| may be least of all in the box with a slab.
-
-        Args:
-            centre: (m, n) centres.
-            half: (m, n) half widths.
-            rising: (m, n) signs of the derivatives of |S|, where they keep them in the cell.
-            low: (n,) lower corner of the slab.
-            high: (n,) upper corner.
-
-        Returns:
-            (m,) which cells; and (m, n) centres and half widths of the parts that count.
-        """
-        corners = self.corners()
-        low, high = np.minimum(low, corners[0]), np.maximum(high, corners[1])
-        near = AT_THE_END * (1.0 + np.maximum(np.abs(low), np.abs(high)))
-        down, up = rising > 0.0, rising < 0.0
-        inner = (down & (centre - half > low + near)) | (up & (centre + half < high - near))
-        centre = np.where(down, low, np.where(up, high, centre))
-        return np.asarray(~inner.any(axis=1)), centre, np.where(down | up, 0.0, half)
 
     def away(self, centre: Array, half: Array | float, low: Array, high: Array) -> Array:
         """Return how far cells are from a slab, rounded down."""
@@ -699,8 +661,8 @@ class Growth:
         X = X[self.region.values(X) * self.sign < 0.0]
         if not len(X):
             return X
-        nearest = X[np.argmin(self.gaps(X, low, high, side))]
-        return self.between(nearest, low, high, side)[1][None]
+        x = X[np.argmin(self.gaps(X, low, high, side))]
+        return self.between(x, low, high, side)[1][None]
 
     def clipped(self, X: Array, low: Array, high: Array, side: tuple[int, int] | None) -> Array:
         """Return the points nearest to x (m, n) on the side from which a slab grows."""
