@@ -278,7 +278,8 @@ def size_wheels_of(
         tip_speed: Speed of the tip [m/s], in any direction and any posture.
         motion (NPZ): A motion in place of --tip-speed; may be repeated.
         samples: Number of postures.
-        near: Leave out postures nearer to a singular one than this; 5 degrees by default.
+        near: Leave out postures nearer to a singular one than this [rad], with --deg in
+            degrees; 5 degrees by default.
         seed: Seed of the postures.
     """
     with working("sizing wheels") as progress:

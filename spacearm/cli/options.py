@@ -469,10 +469,13 @@ def table_of(path: Path, what: str) -> tuple[list[str], Array]:
     for i, words in lines:
         for word in words:
             if not NUMBER.fullmatch(word):
-                raise sa.ConfigurationError(f"{what}, line {i}: {word!r} is not a finite number")
+                fault = f"{what}, line {i}: {word!r} is not a finite number"
+                raise sa.ConfigurationError(fault + "; separate by commas" * (";" in word))
     widths = sorted({len(words) for _, words in lines})
-    if len(widths) != 1:
-        counts = listed([str(width) for width in widths]) or "no"
+    if not widths:
+        raise sa.ConfigurationError(f"{what} has no rows of numbers; give at least one")
+    if len(widths) > 1:
+        counts = listed([str(width) for width in widths])
         raise sa.ConfigurationError(f"{what} has {counts} numbers in a row; give as many in each")
     return names, np.array([words for _, words in lines], dtype=np.float64)
 

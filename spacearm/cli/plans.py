@@ -180,10 +180,10 @@ def follow_path(
 
     The path has times, or is followed at a constant speed.
 
-    Each line holds the task's rows of the tip, turns as roll, pitch, yaw; in a path with times, the
-    time in seconds comes first. A first line of names is skipped. The exit code is 3 if the tip
-    cannot be led to the end. --with gives what else sa.follow takes: start, origin, mode, speed,
-    at_rest, limits.
+    Each line holds the task's rows of the tip [m], turns as roll, pitch, yaw [rad], with --deg in
+    degrees; in a path with times, the time in seconds comes first. A first line of names is
+    skipped. The exit code is 3 if the tip cannot be led to the end. --with gives what else
+    sa.follow takes: start, origin, mode, speed, at_rest, limits.
 
     Options:
         path (CSV): Path of the tip, one line for each corner.

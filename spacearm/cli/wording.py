@@ -24,6 +24,7 @@ OPTIONS: dict[str, str | Callable[[re.Match[str]], str]] = {
     r"\b(limits|collisions)=False": r"--with constraints.\1=false",
     r'check="(\w+)"': r"--check \1",
     r'joints="all"': "--joints all",
+    r"\bnp\.radians\(\.\.\.\) turns degrees into them": "--deg takes degrees",
     r"\bup_axes=True\b": "spacearm convert --up-axes",
     r"give True or False": "give true or false, as TOML and JSON write them",
     r"wheels=\[\.\.\.\]": "--wheel JOINT",

@@ -34,7 +34,13 @@ def test_a_path_that_cannot_be_followed_ends_with_a_status_of_its_own(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("1\n", "numbers in a row"), ("1,2\n1,2,3\n", "numbers in a row"), ("1,x\n2,3\n1,a\n", "'a'")],
+    [
+        ("1\n", "numbers in a row"),
+        ("1,2\n1,2,3\n", "numbers in a row"),
+        ("1,x\n2,3\n1,a\n", "'a'"),
+        ("t;x;y\n0;1;2\n", "separate by commas"),
+        ("", "way.csv has no rows of numbers"),
+    ],
 )
 def test_files_that_are_no_path(tmp_path, text, message):
     (tmp_path / "way.csv").write_text(text)

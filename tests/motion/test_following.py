@@ -303,6 +303,14 @@ def test_corners_are_passed_at_their_times(at_rest):
     assert (ends < 1e-3).all() == at_rest
 
 
+def test_a_path_in_time_of_rounded_numbers_begins_where_the_tip_is(arm):
+    start = arm.at([0.3, 1.2])
+    here = start.tip.translation[:2]
+    run = sa.follow(start, [here.round(7), np.add(here, (0.05, -0.02))], times=[0.0, 5.0])
+    assert not run.jumps
+    assert np.abs(run.dq[0]).max() < 1e-9
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
