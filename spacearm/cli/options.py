@@ -27,7 +27,7 @@ from spacearm.description.tree import Tree, Wheels
 from spacearm.errors import listed, require_known, warn
 from spacearm.files import read, writable
 from spacearm.model.arguments import BaseMode
-from spacearm.model.joints import joint_vector
+from spacearm.model.joints import joint_vector, warn_outside
 from spacearm.motion.goal import Goal, goal_of, goal_pose
 from spacearm.motion.motion_file import check_suffix
 from spacearm.sweeps.toml import Table, parse, text_of
@@ -381,7 +381,9 @@ def configuration(
     base, more = place_in(saved), saved.some("wheels", "momentum")
     if attitude is not None:
         base.rotation = spacecraft_pose(attitude, deg).rotation
-    return arm.at(joint_values(arm, words or [], deg), base=base, **more)
+    cfg = arm.at(joint_values(arm, words or [], deg), base=base, **more)
+    warn_outside(arm, cfg.q)
+    return cfg
 
 
 def saved_start(words: Sequence[str | float] | None) -> Table:

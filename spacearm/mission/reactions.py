@@ -33,7 +33,7 @@ from spacearm.mechanics.floating import walk
 from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, task_jacobian
 from spacearm.model.arguments import HELD
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.model.wheels import WheelLoad, carried
+from spacearm.model.wheels import WheelLoad, carried, held_about_any_axis
 from spacearm.motion.motion import UNBOUNDED, Motion, Playable, Trajectory, jump_notes
 from spacearm.planning.result import Plan
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
@@ -334,11 +334,19 @@ class WheelSizing(Result):
             f"left out: {self.left_out:.1%} of the postures drawn, within "
             f"{np.degrees(self.near):.3g}° of a singularity of the held arm"
         )
+        notes = [left_out] if self.cases == "postures" else []
+        on_board = [] if carried(self.arm.model, self.arm.wheels) else self.arm.wheels
+        held = held_about_any_axis(self.arm.model, on_board)
+        if 0.0 < held < np.inf:
+            notes.append(
+                f"the wheels of {self.arm.name} hold {held:.4g} N m s about any axis, enough for "
+                f"{np.mean(self.momentum <= held):.0%} of the {self.cases}"
+            )
         return Description(
             title=f"{self.arm.name}, {about}",
             verdict=f"median {half:.4g} N m s, 99 % below {most:.4g}, "
             f"worst {self.momentum.max():.4g}",
-            notes=[left_out] if self.cases == "postures" else [],
+            notes=notes,
             tables=[Table(("covered", *axes), rows)],
         )
 

@@ -96,6 +96,19 @@ def axes_of(model: pin.Model, wheels: Sequence[Wheel]) -> Array:
     return np.array(axes).reshape(-1, 3).T
 
 
+def held_about_any_axis(model: pin.Model, wheels: Sequence[Wheel]) -> float:
+    """Return the momentum that wheels can hold about any axis, shared as by `WheelLoad` [N m s].
+
+    Raises:
+        UnsupportedError: A wheel is on a link that moves.
+    """
+    axes = axes_of(model, wheels)
+    if np.linalg.matrix_rank(axes) < 3:
+        return 0.0
+    capacity = np.array([wheel.capacity for wheel in wheels])
+    return float((capacity / np.linalg.norm(np.linalg.pinv(axes), axis=1)).min())
+
+
 class WheelLoad(NamedTuple):
     """What each of some wheels holds and gives at most, beside what it can.
 

@@ -174,20 +174,15 @@ def timed_curve(cfg: Configuration, path: Path, times: ArrayLike, at_rest: bool)
     corners = [goal_pose(cfg, corner, f"path[{i}]") for i, corner in enumerate(path)]
     t = finite(times, (len(corners),), "times", "[s], one for each corner of path, increasing")
     if not len(t) or t[0] < 0.0 or (np.diff(t) <= 0.0).any() or t[-1] == 0.0:
-        first = ", ".join(f"{time:.6g}" for time in t[:5]) + ", ..." * (len(t) > 5)
-        raise ConfigurationError(f"times are {first}; give increasing times from 0 s on")
-    if t[0] > 0.0:
-        t, corners = np.append(0.0, t), [cfg.tip, *corners]
-    elif np.abs(off := goals.miss(cfg, corners[0])).max() > BEGIN:
-        place = (*cfg.tip.translation, *pin.rpy.matrixToRpy(cfg.tip.rotation))
-        here = " ".join(f"{number:.7g}" for number in place)
+        told = np.array2string(t, threshold=5)
+        raise ConfigurationError(f"times are {told}; give increasing times from 0 s on")
+    if t[0] == 0.0 and np.abs(off := goals.miss(cfg, corners[0])).max() > BEGIN:
         raise ConfigurationError(
             f"path begins at 0 s {goals.largest(off, cfg.arm.task.indices)} from where the tip is; "
-            f"start there, at x y z roll pitch yaw {here} [m, rad] (sa.plan leads there), "
-            "or give the corners later times"
+            f"start at {goals.row_of(cfg.tip)} (sa.plan leads there), or give later times"
         )
-    else:  # numbers of a file are rounded
-        corners[0] = cfg.tip
+    corners = [cfg.tip, *corners[int(t[0] == 0.0) :]]  # numbers of a file are rounded
+    t = np.append(0.0, t[t > 0.0])
     turns = np.array([pin.SE3ToXYZQUAT(corner) for corner in corners])
     flips = np.sign((turns[1:, 3:] * turns[:-1, 3:]).sum(axis=1))
     turns[1:, 3:] *= np.cumprod(np.where(flips < 0.0, -1.0, 1.0))[:, None]

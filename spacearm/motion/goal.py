@@ -120,6 +120,12 @@ def largest(off: Array, rows: list[int]) -> str:
     return f"{abs(off[i]):.3g} {'m' if rows[i] % 6 < 3 else 'rad'}"
 
 
+def row_of(pose: pin.SE3) -> str:
+    """Return a pose as the numbers that a file would give it by."""
+    numbers = (*pose.translation, *pin.rpy.matrixToRpy(pose.rotation))
+    return "x y z roll pitch yaw " + " ".join(f"{x:.7g}" for x in numbers) + " [m, rad]"
+
+
 def goal_rows(cfg: Configuration, twist: Array) -> Array:
     """Return the task's rows along the goal axes, unscaled, in [m] and [rad].
 

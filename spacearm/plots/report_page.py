@@ -155,7 +155,7 @@ def design_report(
             singularities of 2,000 within the joint limits if None.
         words: The arguments that describe the arm on the command line, for the commands in the
             report; its file's path or catalogue name if None.
-        progress: Called as progress(done, sections).
+        progress: Called as progress(done, most).
 
     Returns:
         The path.
@@ -177,13 +177,18 @@ def design_report(
     parts: list[tuple[str, Callable[[Section], None]]] = [
         ("The arm", lambda s: _arm(s, arm, q, about)),
         ("Where it is singular", lambda s: _singular(s, arm, q, about)),
-        ("Where nothing is singular", lambda s: _ranges(s, arm, q, about)),
+        ("Where nothing is singular", lambda s: _ranges(s, arm, q, about, within)),
         ("Where it can work", lambda s: _workspaces(s, arm, about)),
         ("Risk by distance", lambda s: _risk(s, arm, about)),
         ("Turning the spacecraft", lambda s: _reaction(s, arm, q, about)),
         ("Wheels that hold the attitude", lambda s: _wheels(s, arm, about)),
     ]
-    sections, begun = [], time.perf_counter()
+
+    def within(done: int, most: int) -> None:
+        if progress:
+            progress(len(sections) * most + done, len(parts) * most)
+
+    sections, begun = list[Section](), time.perf_counter()
     for title, fill in counted(parts, progress):
         section = Section(title)
         try:
@@ -258,11 +263,11 @@ def _singular(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     section.picture(plot(found), "The singular set.", _python(about, "sa.singular_set(arm)"))
 
 
-def _ranges(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
+def _ranges(section: Section, arm: SpaceArm, q: Array, about: str, progress: Progress) -> None:
     if beyond := arm.at(q).outside_limits:
         section.say(f"The working posture is beyond the limits of {', '.join(beyond)}.", "missing")
         return
-    box = free_box(arm.at(q))
+    box = free_box(arm.at(q), progress=progress)
     section.say(
         "Joint ranges about the working posture in which no posture is singular: within them any "
         "motion of the joints is free, whoever plans it."

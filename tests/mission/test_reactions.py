@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from scipy.integrate import trapezoid
 
 import spacearm as sa
+from spacearm.model.wheels import WheelLoad, held_about_any_axis
 
 
 def swing(arm, seed=0, m=400, duration=4.0, mode="free-floating", base=None):
@@ -287,6 +288,22 @@ def test_the_pace_that_wheels_allow(torque, rate):
     assert max(share) == pytest.approx(1.0, rel=1e-6)
     (said,) = [note for note in found.describe().notes if note.startswith("in ")]
     assert float(said.split()[1]) == np.ceil(4.0 * found.load.slower)
+
+
+def test_wheels_hold_so_much_about_any_axis_that_one_of_them_is_full_about_the_worst():
+    axes = np.random.default_rng(5).normal(size=(4, 3))
+    arm = load_text(with_wheels("planar2", axes, rate=50.0))
+    most = held_about_any_axis(arm.model, arm.wheels)
+    worst = np.linalg.pinv((axes / np.linalg.norm(axes, axis=1)[:, None]).T)
+    worst = worst / np.linalg.norm(worst, axis=1)[:, None]
+    fullest = [WheelLoad.of(arm.model, arm.wheels, most * u[None], 0 * u[None]) for u in worst]
+    assert max(load.momentum.max() for load in fullest) == pytest.approx(0.5, rel=1e-9)
+    for u in np.random.default_rng(6).normal(size=(50, 3)):
+        held = most * u[None] / np.linalg.norm(u)
+        assert not WheelLoad.of(arm.model, arm.wheels, held, 0 * held).exceeded
+    need = sa.size_wheels(arm, tip_speed=0.1, samples=9)
+    share = f"{np.mean(need.momentum <= most):.0%} of the postures"
+    assert any(note.endswith(share) for note in need.describe().notes)
 
 
 def test_a_load_across_all_axes_is_said():
