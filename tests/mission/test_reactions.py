@@ -271,7 +271,7 @@ def test_wheels_are_compared_with_what_a_motion_takes():
         most = np.abs(found.wheels[:, 2]).max(), np.abs(found.torque[:, 2]).max()
         np.testing.assert_allclose((found.load.momentum[0], found.load.torque[0]), most, atol=1e-12)
         assert found.load.across < 1e-9
-        times = f"{most[0] / wheel.capacity:.3g} times the {wheel.capacity:.4g} N m s"
+        times = f"{most[0] / wheel.capacity:.3g} times its limit of {wheel.capacity:.4g} N m s"
         assert enough == (not found.load.exceeded)
         assert enough == (times not in " ".join(found.describe().notes))
         assert found.to_dict()["exceeded"] == found.load.exceeded
@@ -335,7 +335,7 @@ def test_a_held_motion_says_what_holding_it_takes():
     notes = " ".join(run.describe().notes)
     found = sa.reaction(run)
     assert f"{np.abs(found.wheels).max():.4g} N m s" in notes
-    assert "times the 0.001 N m s" in notes
+    assert "times its limit of 0.001 N m s" in notes
 
 
 def test_a_plan_of_a_floating_spacecraft_says_what_holding_it_would_take():
