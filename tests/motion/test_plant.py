@@ -588,8 +588,8 @@ def test_wheels_that_are_asked_for_more_than_they_can_are_named():
     inner = slice(100, -100)
     np.testing.assert_allclose(run.wheel_torque[inner, 0], rate[inner], atol=1e-3 * abs(rate).max())
     notes = " ".join(run.describe().notes)
-    assert "times the 0.0001 N m s" in notes
-    assert "times the 0.001 N m" in notes
+    assert "times its limit of 0.0001 N m s" in notes
+    assert "times its limit of 0.001 N m" in notes
 
 
 def test_sampled_torques_are_reported_as_they_act_and_their_accelerations_too():
