@@ -562,11 +562,13 @@ class Growth:
             return False, root
         outer = np.array((low - self.clear, high + self.clear))
         half = 0.5 * (outer[1] - outer[0]) * (1.0 + ROUNDING)
-        cells = [outer.mean(axis=0)[None], half[None], np.zeros(1, dtype=int)]
+        stack = [(outer.mean(axis=0)[None], half[None], np.zeros(1, dtype=int))]
         looked, box = 0, self.corners()
-        while len(cells[0]):
-            centre, half, age = (part[-BATCH:] for part in cells)
-            cells = [part[:-BATCH] for part in cells]
+        while stack:
+            centre, half, age = stack.pop()
+            if len(centre) > BATCH:
+                stack.append((centre[BATCH:], half[BATCH:], age[BATCH:]))
+                centre, half, age = centre[:BATCH], half[:BATCH], age[:BATCH]
             trial = self.region.tried(centre, half, age)
             looked, self.cells = looked + trial.work, self.cells + trial.work
             if self.progress:
@@ -592,8 +594,7 @@ class Growth:
                 centre, half, age, taken = (part[left] for part in (centre, half, age, taken))
             centre, half = halved(centre, half, np.where(half > 0.0, taken, 0.0))
             near = self.away(centre, half, low, high) <= self.clearance
-            new = centre[near], half[near], np.tile(age, 2)[near]
-            cells = [np.concatenate(pair) for pair in zip(cells, new, strict=True)]
+            stack.append((centre[near], half[near], np.tile(age, 2)[near]))
         return True, None
 
     def away(self, centre: Array, half: Array | float, low: Array, high: Array) -> Array:
