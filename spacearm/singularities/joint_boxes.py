@@ -15,6 +15,7 @@ of an arm that are known in intervals (`uncertainty.robust_boxes`).
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
@@ -272,11 +273,13 @@ def free_box(
         (True, False)
     """
     minors = minors_for_proofs(about.arm, mode)
+    size = sum(minor.polynomial.coefficients.size for minor in minors)
 
     def region(*where: Array) -> Region:
         return Roots(minors, *where)
 
-    return grown(about, region, mode, joints, at_least, within, clearance, progress).box()
+    effort = POLYNOMIALS.shared(min(1.0, LARGE / size))
+    return grown(about, region, mode, joints, at_least, within, clearance, progress, effort).box()
 
 
 class Effort(NamedTuple):
@@ -292,7 +295,13 @@ class Effort(NamedTuple):
     cells: int
     slab: int
 
+    def shared(self, share: float) -> Effort:
+        """Return a share of the effort."""
+        return Effort(self.step, math.ceil(share * self.cells), math.ceil(share * self.slab))
 
+
+#: Coefficients of polynomials that get the whole effort; of larger ones a cell takes longer.
+LARGE = 40_000
 POLYNOMIALS = Effort(0.4, 400_000, 20_000)
 
 
@@ -329,7 +338,7 @@ def grown(
     within: tuple[ArrayLike, ArrayLike] | None,
     clearance: float,
     progress: Progress | None,
-    effort: Effort = POLYNOMIALS,
+    effort: Effort,
 ) -> Growth:
     """Grow a box about postures as `free_box` does.
 

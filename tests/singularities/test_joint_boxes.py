@@ -5,6 +5,7 @@ import pytest
 import tomllib
 
 import spacearm as sa
+from spacearm.singularities import joint_boxes
 
 
 def inside(box, rng, m=4000):
@@ -92,6 +93,16 @@ def test_a_redundant_arm_has_a_box_whose_stops_are_singular():
     assert any(stop.why == "singular" for stop in box.stops)
     assert not any(stop.why == "undecided" for stop in box.stops)
     check_stops(box)
+
+
+def test_large_polynomials_get_fewer_cells(monkeypatch):
+    """A cell of theirs takes longer: a box did not end in ten minutes."""
+    monkeypatch.setattr(joint_boxes, "LARGE", 4)  # coefficients; mda6 has 4,725
+    cfg = sa.load("mda6").at(np.radians([0, 60, -100, -50, 30, 0]))
+    box = sa.free_box(cfg)
+    assert 0 < box.cells < 400_000 * 4 / 4725 + joint_boxes.BATCH
+    assert "undecided" in {stop.why for stop in box.stops}
+    assert box.contains(cfg)
 
 
 def test_named_joints_are_at_least_as_wide_as_in_any_order():
