@@ -64,6 +64,8 @@ ON_THE_SET = 1e-9
 #: Half width of cells that are not halved; parts of a way to a root.
 NARROW, PARTS = 1e-7, 64
 TURN = 2.0 * np.pi
+#: Coefficients of polynomials that get the whole effort; of larger ones a cell takes longer.
+LARGE = 40_000
 
 Side = Literal["lower", "upper"]
 SIDES: tuple[Side, Side] = ("lower", "upper")
@@ -273,12 +275,12 @@ def free_box(
         (True, False)
     """
     minors = minors_for_proofs(about.arm, mode)
-    size = sum(minor.polynomial.coefficients.size for minor in minors)
+    share = min(1.0, LARGE / sum(minor.polynomial.coefficients.size for minor in minors))
 
     def region(*where: Array) -> Region:
         return Roots(minors, *where)
 
-    effort = POLYNOMIALS.shared(min(1.0, LARGE / size))
+    effort = Effort(0.4, math.ceil(400_000 * share), math.ceil(20_000 * share))
     return grown(about, region, mode, joints, at_least, within, clearance, progress, effort).box()
 
 
@@ -294,15 +296,6 @@ class Effort(NamedTuple):
     step: float
     cells: int
     slab: int
-
-    def shared(self, share: float) -> Effort:
-        """Return a share of the effort."""
-        return Effort(self.step, math.ceil(share * self.cells), math.ceil(share * self.slab))
-
-
-#: Coefficients of polynomials that get the whole effort; of larger ones a cell takes longer.
-LARGE = 40_000
-POLYNOMIALS = Effort(0.4, 400_000, 20_000)
 
 
 class Region(Protocol):

@@ -8,7 +8,6 @@ import pytest
 from helpers.commands import answer, spacearm
 
 import spacearm as sa
-from spacearm.plots import report_page
 
 START = ("-57.936", "60.337", "--attitude", "0", "0", "21", "--deg")
 PATH = ("--corner", "2", "0", "--corner", "1.5", "1.5")
@@ -79,13 +78,6 @@ def test_a_report_is_one_page_with_the_command_of_every_figure(tmp_path, model):
     assert "spacearm query planar2 -1.13446 0.523599" in text  # in radians
     assert "--deg" not in text
     assert "spacearm wheels planar2 --tip-speed 0.1" in text
-
-
-def test_a_report_does_not_wait_for_joint_ranges_that_take_long(monkeypatch):
-    monkeypatch.setattr(report_page, "PATIENCE", -1.0)
-    section, arm = report_page.Section("Where nothing is singular"), sa.load("planar2")
-    with pytest.raises(sa.NoSolutionError, match=r"spacearm box planar2 0\.3 1\.2 takes"):
-        report_page._ranges(section, arm, np.array([0.3, 1.2]), "planar2", max)
 
 
 @pytest.mark.slow
