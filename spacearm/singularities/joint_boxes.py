@@ -53,8 +53,7 @@ from spacearm.singularities.polynomials import chart_of, minors_for_proofs
 SHARE, LEAST_WIDTH, MORE = 0.0085, 0.02, 1.15
 #: Cells, and random configurations, that are looked at together.
 BATCH = 512
-#: Clouds of configurations about a singular one, each half as wide, among which nearer ones are
-#: looked for.
+#: Clouds of configurations about a singular one, each half as wide, to look for nearer ones in.
 POLISHED = 14
 #: Starts of a search for singular configurations, about one that was found and in a whole slab, and
 #: of several minors from cells; steps of each of these.
