@@ -291,7 +291,7 @@ def batch(name: str, first: int, runs: int) -> tuple[np.ndarray, np.ndarray, lis
     distance, closest = found[:-1:parts], found.min()
     i, j = np.nonzero(off & (distance > slow) & (told < slow))
     at = np.array(flight.seen[:-1:parts])[i, j]
-    beside = along(arm, at, (nearest[i, j, 1:] - at) / joint_scales(arm), 16)[1]
+    beside = along(arm, at, (nearest[i, j, 1:] - at) / joint_scales(arm), 100)[1]
     distance[i, j] = np.minimum(distance[i, j], beside)
     late = (np.minimum(told, np.pi) - np.where(distance < slow, distance, np.pi)).max()
     others = []

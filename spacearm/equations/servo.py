@@ -14,7 +14,8 @@ and beyond `stop`. A change of direction that the accelerations do not allow is 
 with braking instead. Braking is always allowed by what held a tick before.
 
 The rates hold until the next tick. So J* and the axes of the twist are those in the middle of the
-way on which they lead, guessed from the last rates and, if that was far off, from those found.
+way on which they lead, guessed from the last rates and, if the twist would be off, from those
+found: where sigma_min is a ten-thousandth of sigma_max, a way 1e-4 off turns the twist by degrees.
 
 The distance is that to singular postures that are followed from tick to tick: three, the nearest
 that are known, and six scouts that set out from the arm's posture and at random, and take the place
@@ -77,8 +78,9 @@ PATIENCE, SEARCH = 24, 80
 LOST, AT_REST, SETTLED, APART, STRIDE = 0.02, 0.02, 0.045, 0.02, 0.4
 #: In how many parts at most the arm's last way is searched, and how long one is [rad], [s].
 LOOKS, LOOK, LASTS = 8, 0.02, 0.0125
-#: How often at most the way to come is guessed, and how far off its end may be [rad].
-GUESSES, AIM = 3, 1e-3
+#: How often at most the way to come is guessed, how far off its end may be [rad], and that times
+#: the rates that a twist of 1 takes: by about that share the twist is off.
+GUESSES, AIM, ASTRAY = 6, 1e-3, 0.01
 #: What of the memory the search changes.
 SEARCHED = ("points", "ways", "shares", "ages", "count")
 #: How many times the arm's last way a posture at rest may lag behind.
@@ -366,8 +368,12 @@ def step(
     level, moment = attitude(xp, quaternion), tree.gains * radians
     turned = posture(xp, tree, p, q).P[:, 3:].T @ moment
 
-    def move(guess: Any, *_found: Any) -> tuple[Any, ...]:
-        """Return the rates that do the twist in the middle of the way that rates as guessed go."""
+    def move(guess: Any, found: Any, missed: Any, slower: Any, *_: Any) -> tuple[Any, ...]:
+        """Return the rates that do the twist in the middle of the way that rates as guessed go.
+
+        Before them the next guess. The share that lets y turn stays that of the first: on a slower
+        way y turns less, so the next share would be larger, the one after it smaller, and so on.
+        """
         half = 0.5 * tick * at_most(xp, norm(xp, guess) * tick, LONGEST_WAY)
         at = posture(xp, tree, p, q + half * radians * guess)
         own = _own_twist(xp, tree, at, level, momentum)
@@ -389,7 +395,8 @@ def step(
                 y = held_off(xp, y, one, limits)
         then = at.P[:, 3:].T @ moment
         moments = [turned, then, 2.0 * then - turned]  # at the beginning, in the middle, at the end
-        slower, turn = turning(xp, y, last, memory, limits)
+        share, turn = turning(xp, y, last, memory, limits)
+        slower = xp.where(slower > 1.0, share, slower)
         rate, wheels = slowest(xp, slower * y, moments, limits)
         left = slower * rate * wheels
 
@@ -406,17 +413,34 @@ def step(
         done = _share(xp, (v * (J @ rates)).sum(), (v * v).sum())
         told = xp.stack([slowed, xp.minimum(kept, 1.0), rate, wheels, *shares, slower * by])
         lost = _lost(xp, tree, turns, xp.where(least.v @ away > 0.0, -least.u, least.u))
-        return rates, y, turn, told, lost, done, norm(xp, rates - guess) * tick > AIM
+        miss = rates - guess
+        off = norm(xp, miss) * tick
+        goes_on = xp.logical_or(off > AIM, off * norm(xp, y) > ASTRAY * norm(xp, v))
+        guess = _secant(xp, (found, rates), (missed, miss))
+        return guess, rates, miss, slower, y, turn, told, lost, done, goes_on
 
     zero = 0.0 * x
-    start = last, zero, zero, np.zeros(len(CAUSES)), np.zeros(len(seen.twist)), 0.0
-    rates, y, turn, told, lost, done = xp.while_any(move, *start, most=GUESSES)
+    none = np.zeros(len(CAUSES)), np.zeros(len(seen.twist)), 0.0
+    start = last, last, zero, 2.0, zero, zero, *none
+    _, rates, _, _, y, turn, told, lost, done = xp.while_any(move, *start, most=GUESSES)
     tick_ = Tick(
         radians * rates, far, radians * (x + offset), radians * away, lost, -(away @ rates), done,
         told, halt,
     )  # fmt: skip
     mine = {"rates": tick_.rates, "wished": radians * y, "turn": radians * turn, "held": held}
     return tick_, after._replace(**mine, q=q, dt=tick)
+
+
+def _secant(xp: Any, found: tuple[Any, Any], missed: tuple[Any, Any]) -> Any:
+    """Return the guess (n,) on the line through the last two found that misses least, as if linear.
+
+    It goes no farther than they are apart; at first, when nothing was missed, it is what was found.
+    """
+    change = missed[1] - missed[0]
+    square = change @ change
+    known = xp.logical_and((missed[0] @ missed[0]) > 0.0, square > 0.0)
+    back = xp.where(known, (change @ missed[1]) / xp.where(known, square, 1.0), 0.0)
+    return found[1] - back * at_most(xp, xp.absolute(back), 1.0) * (found[1] - found[0])
 
 
 def _searched(

@@ -259,6 +259,30 @@ def test_beyond_slow_the_direction_is_kept_where_turning_joints_meet_their_ends(
     assert (np.abs(Q - q).max(axis=1) > 0.14).any()
 
 
+@SLOW
+@pytest.mark.parametrize(
+    ("posture", "linear"),
+    [
+        ((0.31, -1.22, 0.1, 0.09, -1.64, 1.93, 0.29), (0.007, 0.01, 0.008)),
+        ((-1.11, -0.87, 1.71, -0.33, -0.46, 0.44, 0.66), (0.008, 0.002, -0.005)),
+    ],
+)
+def test_beyond_slow_the_direction_is_kept_in_valleys_of_the_least_singular_value(posture, linear):
+    """Where it is a ten-thousandth of the largest, 1e-4 rad of the way turn the tip by degrees."""
+    arm, twist = sa.load("ssrms"), np.array([*linear, 0, 0, 0])
+    servo = sa.Servo(arm, rates=0.5, accelerations=2.0, frame="spacecraft")
+    servo.start((np.array(posture), LEVEL))
+    Q, rates = flown(servo, np.array(posture), lambda _: twist, 150)
+    scale = arm.task.scale
+    J = scale * sa.generalized_jacobians(arm, Q[:-1] + 0.5 * DT * rates)
+    moved, v = (J @ rates[..., None])[..., 0], scale[:, 0] * twist
+    cosines = moved @ v / np.linalg.norm(moved, axis=1) / np.linalg.norm(v)
+    singular = np.linalg.svd(J, compute_uv=False)
+    assert (singular[:, -1] / singular[:, 0]).min() < 3e-4
+    assert distances_found(arm, "free-floating", Q[::50]).min() > servo.limits.slow
+    assert cosines.min() >= np.cos(np.radians(1.0))
+
+
 @pytest.mark.slow
 def test_a_posture_that_is_followed_no_more_is_let_go_as_fast_as_slow_is_approached():
     arm = sa.load("planar2")
