@@ -368,7 +368,7 @@ def step(
     level, moment = attitude(xp, quaternion), tree.gains * radians
     turned = posture(xp, tree, p, q).P[:, 3:].T @ moment
 
-    def move(guess: Any, found: Any, missed: Any, slower: Any, *_: Any) -> tuple[Any, ...]:
+    def move(guess: Any, found: Any, missed: Any, slower: Any, *_told: Any) -> tuple[Any, ...]:
         """Return the rates that do the twist in the middle of the way that rates as guessed go.
 
         Before them the next guess. The share that lets y turn stays that of the first: on a slower
