@@ -170,3 +170,29 @@ def extreme(of: Any, values: Any) -> Any:
     for value in values[1:]:
         found = of(found, value)
     return found
+
+
+def secant(xp: Any, found: tuple[Any, Any], missed: tuple[Any, Any]) -> Any:
+    """Return the guess (n,) on the line through the last two found that misses least, as if linear.
+
+    It goes no farther than they are apart; at first, when nothing was missed, it is what was found.
+    """
+    change = missed[1] - missed[0]
+    square = change @ change
+    known = xp.logical_and((missed[0] @ missed[0]) > 0.0, square > 0.0)
+    back = xp.where(known, (change @ missed[1]) / xp.where(known, square, 1.0), 0.0)
+    return found[1] - back * at_most(xp, xp.absolute(back), 1.0) * (found[1] - found[0])
+
+
+def raising(xp: Any, null: list[Any], y: Any, far: Any, away: Any, limits: Any) -> Any:
+    """Return the motion in the null space that raises the distance, no faster than y."""
+    N = xp.stack(null)
+    way = (N @ away) @ N
+    rate = xp.where(far < limits.slow, (limits.slow - far) / limits.tau, 0.0)
+    return xp.minimum(rate, norm(xp, y)) * way
+
+
+def share_of(xp: Any, part: Any, whole: Any) -> Any:
+    """Return part / whole, 1 where there is nothing."""
+    there = whole > 0.0
+    return xp.where(there, part / xp.where(there, whole, 1.0), 1.0)

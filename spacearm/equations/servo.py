@@ -61,6 +61,9 @@ from spacearm.equations.rate_limits import (
     held_off,
     nearness,
     norm,
+    raising,
+    secant,
+    share_of,
     shares_left,
     slowest,
     turning,
@@ -388,7 +391,7 @@ def step(
         if keep_attitude:
             y = y + _levelling(xp, least.null, connection_at(xp, tree, at) * radians, y)
         elif least.null:
-            y = y + _raising(xp, least.null, y, far, away, limits)
+            y = y + raising(xp, least.null, y, far, away, limits)
         asked = y
         for _ in range(2):
             for one in known:
@@ -409,14 +412,14 @@ def step(
         whole = [*slowest(xp, goes, moments, limits), *allowed(goes, 0.0 * y, 1.0)]
         mixed = xp.where(extreme(xp.minimum, whole) >= 1.0 - 1e-9, goes, brake)
         rates = xp.where(halt > 0.0, brake, mixed)
-        kept = _share(xp, (asked * y).sum(), (asked * asked).sum())
-        done = _share(xp, (v * (J @ rates)).sum(), (v * v).sum())
+        kept = share_of(xp, (asked * y).sum(), (asked * asked).sum())
+        done = share_of(xp, (v * (J @ rates)).sum(), (v * v).sum())
         told = xp.stack([slowed, xp.minimum(kept, 1.0), rate, wheels, *shares, slower * by])
         lost = _lost(xp, tree, turns, xp.where(least.v @ away > 0.0, -least.u, least.u))
         miss = rates - guess
         off = norm(xp, miss) * tick
         goes_on = xp.logical_or(off > AIM, off * norm(xp, y) > ASTRAY * norm(xp, v))
-        guess = _secant(xp, (found, rates), (missed, miss))
+        guess = secant(xp, (found, rates), (missed, miss))
         return guess, rates, miss, slower, y, turn, told, lost, done, goes_on
 
     zero = 0.0 * x
@@ -429,18 +432,6 @@ def step(
     )  # fmt: skip
     mine = {"rates": tick_.rates, "wished": radians * y, "turn": radians * turn, "held": held}
     return tick_, after._replace(**mine, q=q, dt=tick)
-
-
-def _secant(xp: Any, found: tuple[Any, Any], missed: tuple[Any, Any]) -> Any:
-    """Return the guess (n,) on the line through the last two found that misses least, as if linear.
-
-    It goes no farther than they are apart; at first, when nothing was missed, it is what was found.
-    """
-    change = missed[1] - missed[0]
-    square = change @ change
-    known = xp.logical_and((missed[0] @ missed[0]) > 0.0, square > 0.0)
-    back = xp.where(known, (change @ missed[1]) / xp.where(known, square, 1.0), 0.0)
-    return found[1] - back * at_most(xp, xp.absolute(back), 1.0) * (found[1] - found[0])
 
 
 def _searched(
@@ -701,20 +692,6 @@ def _levelling(xp: Any, null: list[Any], A: Any, y: Any) -> Any:
     return z @ N
 
 
-def _raising(xp: Any, null: list[Any], y: Any, far: Any, away: Any, limits: Limits) -> Any:
-    """Return the motion in the null space that raises the distance, no faster than y."""
-    N = xp.stack(null)
-    way = (N @ away) @ N
-    rate = xp.where(far < limits.slow, (limits.slow - far) / limits.tau, 0.0)
-    return xp.minimum(rate, norm(xp, y)) * way
-
-
 def _distance(xp: Any, x: Any, y: Any) -> Any:
     """Return how far two points are apart."""
     return norm(xp, x - y)
-
-
-def _share(xp: Any, part: Any, whole: Any) -> Any:
-    """Return part / whole, 1 where there is nothing."""
-    there = whole > 0.0
-    return xp.where(there, part / xp.where(there, whole, 1.0), 1.0)
