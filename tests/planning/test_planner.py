@@ -364,7 +364,7 @@ def test_what_is_asked_as_plain_data():
         ("planar2", sa.Joints([0.3, 0.25]), {"constraints": sa.Constraints(clearance=0.2)},
          sa.NoSolutionError, "from the goal, and the clearance is"),
         ("planar2", sa.Joints([0.4, 1.3]), {"final_attitude": pin.exp3(np.array([0.3, 0, 0]))},
-         sa.NoSolutionError, "no turn about z"),
+         sa.NoSolutionError, "not a turn about z"),
         ("planar2", B, {"final_attitude": "x"}, sa.ConfigurationError, "final_attitude is 'x'"),
         ("planar3", pin.SE3(2 * np.eye(3), np.zeros(3)), {}, sa.ConfigurationError, "goal"),
     ],
