@@ -206,7 +206,9 @@ def _cell() -> object:
 
 def _display(name: str, before: str, line: str) -> None:
     """Write a line below the cell, over the one of this name before."""
-    publish: Any = sys.modules["IPython.display"].publish_display_data
+    from IPython.display import publish_display_data
+
+    publish: Any = publish_display_data
     publish({"text/html": escape(line)}, transient={"display_id": name}, update=bool(before))
 
 
