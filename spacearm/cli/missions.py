@@ -87,7 +87,7 @@ def find_catch(
 
     Options:
         target (TOML): The target, with the names of sa.Target: body (a robot file, or mass, size,
-            inertia, com), pose, twist, grapples, orbit.
+            inertia, com), pose, twist, grapples, orbit, up_axes.
         window (FROM,TO): Earliest and latest contact [s].
         grapple (FRAME|TIP=FRAME): Grapple frame to grasp; any of them by default. With
             several tips that grasp at the same time, once for each tip.

@@ -54,7 +54,7 @@ def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Ca
                 NAME=X1,X2,... for each.
             obstacle (KIND:PLACE:WHAT): box:X,Y,Z:SIZE (or LX,LY,LZ), sphere:X,Y,Z:RADIUS,
                 cylinder:X,Y,Z:RADIUS,LENGTH, mesh:X,Y,Z:FILE or robot:X,Y,Z:MODEL [m]; then :R,P,Y
-                and @MARGIN; may be repeated.
+                and @MARGIN; may be repeated. Tables of --with constraints.obstacles take more.
             fastest: Fly it as fast as effort and velocity limits allow; needs toppra.
             save (NPZ): Write the plan; where none is found, the best attempt.
         """

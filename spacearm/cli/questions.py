@@ -153,7 +153,8 @@ def constraints_of(given: Table) -> sa.Constraints:
     """Return what must hold, of a table with the fields of `Constraints`.
 
     Obstacles are tables: {sphere = 0.2, xyz = [...], rpy = [...], margin = 0.05}, or box, cylinder
-    = [radius, length], mesh = "FILE", robot = "MODEL" with q; or texts as of --obstacle.
+    = [radius, length], mesh = "FILE", robot = "MODEL" with q; or texts as of --obstacle. Meshes and
+    robots take up_axes.
     """
     wheels = {"stiffness": 0.0, "damping": 0.0} | given.inner("wheels").values
     return built(
@@ -202,7 +203,7 @@ def _obstacle(value: Any, given: Table) -> sa.Obstacle:
         raise own.fail(kind, "give [radius, length]")
     at = sa.pose(**{key: rest.pop(key) for key in ("xyz", "rpy") if key in rest})
     if kind == "robot":
-        robot = sa.load(shape)
+        robot = sa.load(shape, up_axes=rest.pop("up_axes", False))
         q = rest.pop("q", np.clip(0.0, robot.lower, robot.upper))
         return sa.Obstacle.robot(robot.at(q, base=at), **rest)
     size = shape if kind == "cylinder" else (Path(shape),) if kind == "mesh" else (shape,)

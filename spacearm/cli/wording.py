@@ -25,7 +25,8 @@ OPTIONS: dict[str, str | Callable[[re.Match[str]], str]] = {
     r'check="(\w+)"': r"--check \1",
     r'joints="all"': "--joints all",
     r"\bnp\.radians\(\.\.\.\) turns degrees into them": "--deg takes degrees",
-    r"\bup_axes=True\b": "spacearm convert --up-axes",
+    r"\bup_axes=True\b": "spacearm convert --up-axes, or up_axes = true in the table of a target "
+    "or obstacle,",
     r"give True or False": "give true or false, as TOML and JSON write them",
     r"wheels=\[\.\.\.\]": "--wheel JOINT",
     r"tip=LINK": "--tip LINK",

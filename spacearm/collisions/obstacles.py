@@ -18,8 +18,17 @@ from spacearm.arrays import LARGEST, Array, ArrayLike, finite, plain, positive, 
 from spacearm.collisions.bodies import Bodies, Body, extent
 from spacearm.collisions.solids import hull, link_solids, primitive
 from spacearm.collisions.swept_motion import Recorded
-from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere, Visuals, read_mesh
-from spacearm.errors import ConfigurationError, ModelError, require_known, type_of
+from spacearm.description.shapes import (
+    Box,
+    Cylinder,
+    Mesh,
+    Shape,
+    Sphere,
+    Visuals,
+    ignored_axes,
+    read_mesh,
+)
+from spacearm.errors import ConfigurationError, ModelError, require_known, type_of, warn
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
@@ -195,22 +204,23 @@ class Obstacle:
         shape = shape_of(size)
         edges = finite(size, shape if shape == () else (3,), "size", "edges [m]")
         box = Box(tuple(positive(float(x), "size", "edge [m]") for x in np.broadcast_to(edges, 3)))
-        return cls._of("box", box, pose, options)
+        return cls._of("box", Shape(ORIGIN, box), pose, options)
 
     @classmethod
     def sphere(cls, radius: float, pose: PoseLike = ORIGIN, **options: Any) -> Obstacle:
         """Return a sphere of a radius [m] about a pose; options and errors as for `box`."""
-        return cls._of("sphere", Sphere(positive(radius, "radius", "length [m]")), pose, options)
+        ball = Sphere(positive(radius, "radius", "length [m]"))
+        return cls._of("sphere", Shape(ORIGIN, ball), pose, options)
 
     @classmethod
     def cylinder(
         cls, radius: float, length: float, pose: PoseLike = ORIGIN, **options: Any
     ) -> Obstacle:
         """Return a cylinder about a pose, its axis along z; options and errors as for `box`."""
-        shape = Cylinder(
+        cylinder = Cylinder(
             positive(radius, "radius", "length [m]"), positive(length, "length", "length [m]")
         )
-        return cls._of("cylinder", shape, pose, options)
+        return cls._of("cylinder", Shape(ORIGIN, cylinder), pose, options)
 
     @classmethod
     def mesh(
@@ -219,6 +229,7 @@ class Obstacle:
         pose: PoseLike = ORIGIN,
         *,
         scale: float = 1.0,
+        up_axes: bool = False,
         **options: Any,
     ) -> Obstacle:
         """Return the convex hull of a mesh file (STL, OBJ, DAE, PLY, glTF, GLB).
@@ -227,16 +238,24 @@ class Obstacle:
             path: The file, in metres after the factor `scale`.
             pose: Pose of its frame.
             scale: The factor.
+            up_axes: Whether it is turned by the up axis that a COLLADA file states; see `load`.
             **options: As for `box`.
 
         Raises:
             ConfigurationError: An argument does not make sense.
             ModelError: The mesh cannot be read or has no hull.
+
+        Warns:
+            ModelWarning: The up axis that the file states is ignored.
         """
         factor = positive(scale, "scale", "factor")
         file = Path(path).absolute()
         options = {"name": file.name} | options
-        return cls._of("mesh", Mesh(file.name, file, (factor,) * 3), pose, options)
+        shape = Shape(ORIGIN, Mesh(file.name, file, (factor,) * 3))
+        shape = shape.upright() if up_axes else shape
+        if ignored := ignored_axes([Visuals((shape,))]):
+            warn(f"{file}: {ignored}")
+        return cls._of("mesh", shape, pose, options)
 
     @classmethod
     def robot(cls, thing: Configuration | Motion, **options: Any) -> Obstacle:
@@ -250,12 +269,17 @@ class Obstacle:
         Raises:
             ConfigurationError: An argument does not make sense.
             ModelError: None of its links has a shape, or one is faulty.
+
+        Warns:
+            ModelWarning: The up axes that files of its meshes state are ignored.
         """
         if not isinstance(thing, Configuration | Motion):
             raise ConfigurationError(
                 f"an obstacle cannot be made of {type_of(thing)}; give the configuration "
                 "or the motion of a robot"
             )
+        if ignored := ignored_axes(thing.arm.tree.visuals.values()):
+            warn(f"{thing.arm.path}: {ignored}")
         moving = {"along": thing} if isinstance(thing, Motion) else {"posture": thing}
         return cls._of("robot", None, ORIGIN, {"name": thing.arm.name} | options, **moving)
 
@@ -280,12 +304,11 @@ class Obstacle:
 
     @classmethod
     def _of(
-        cls, kind: str, geometry: Any, pose: PoseLike, options: dict[str, Any], **moving: Any
+        cls, kind: str, shape: Shape | None, pose: PoseLike, options: dict[str, Any], **moving: Any
     ) -> Obstacle:
         """Return an obstacle; one that is moved in ways of its own has fewer options."""
         names = ("name", "margin", "may_touch") if moving else OPTIONS
         require_known("option", options, names)
-        shape = None if geometry is None else Shape(ORIGIN, geometry)
         options = {"name": kind} | options | moving
         return cls(kind=kind, shape=shape, pose=sound_pose(pose, "pose"), **options)
 
@@ -356,7 +379,7 @@ class Obstacle:
         geometry = self.shape.geometry
         if isinstance(geometry, Mesh) and geometry.file is not None:
             points = read_mesh(geometry.file).vertices * geometry.scale
-            return [(hull(geometry.name, points), at)]
+            return [(hull(geometry.name, points), at * self.shape.pose)]
         return [(solid, at * pose) for solid, pose in primitive(self.shape)]
 
     def to_dict(self) -> dict[str, Any]:

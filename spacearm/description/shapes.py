@@ -7,7 +7,7 @@ import json
 import logging
 import re
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache, lru_cache
 from pathlib import Path
@@ -19,7 +19,7 @@ import pinocchio as pin
 from lxml import etree
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.errors import ModelError, warn
+from spacearm.errors import ModelError, listed, warn
 from spacearm.files import read
 
 if TYPE_CHECKING:
@@ -65,11 +65,13 @@ class Mesh(NamedTuple):
         name: Name that the description gives it.
         file: The file, by its absolute path; None if it was not found.
         scale: Factors along x, y, z.
+        turned: Whether its pose counts the up axis that the file states; see `Shape.upright`.
     """
 
     name: str
     file: Path | None
     scale: tuple[float, ...] = (1.0, 1.0, 1.0)
+    turned: bool = False
 
 
 class Unusable(NamedTuple):
@@ -127,12 +129,12 @@ class Shape(NamedTuple):
     def upright(self) -> Shape:
         """Return the shape, its mesh turned so that the up axis of its COLLADA file is z.
 
-        The scale of the mesh is along the axes of the turned one.
+        The scale of the mesh is along the axes of the turned one. A mesh is turned once.
         """
         match self.geometry:
-            case Mesh(_, Path() as file, scale) if (axis := up_axis(file)) in UPRIGHT:
+            case Mesh(name, Path() as file, scale, False) if (axis := up_axis(file)) in UPRIGHT:
                 R = UPRIGHT[axis]
-                geometry = self.geometry._replace(scale=tuple((np.abs(R.T) @ scale).tolist()))
+                geometry = Mesh(name, file, tuple((np.abs(R.T) @ scale).tolist()), turned=True)
                 return self._replace(pose=self.pose * pin.SE3(R, np.zeros(3)), geometry=geometry)
         return self
 
@@ -339,6 +341,8 @@ def _bounds(path: Path, _: int) -> Array | None:
     return np.stack((points.min(axis=0), points.max(axis=0))) if len(points) else None
 
 
+#: Marks in written files a mesh that is `turned`; other readers pass over it.
+TURNED = "{urn:spacearm}turned"
 #: The up axis that a COLLADA file states, in its head.
 UP_AXIS = re.compile(rb"<(?:\w+:)?up_axis>\s*([XYZ]_UP)")
 
@@ -352,6 +356,25 @@ def up_axis(path: Path) -> str | None:
     except (OSError, ValueError):
         return None
     return stated[1].decode() if stated else None
+
+
+def lying(solids: Iterable[Visuals], *, turned: bool = False) -> list[str]:
+    """Return the meshes whose files state an up axis other than z, turned by it or not."""
+    all_shapes = (shape.geometry for own in solids for shape in (*own.visual, *own.collision))
+    meshes = (mesh for mesh in all_shapes if isinstance(mesh, Mesh) and mesh.turned == turned)
+    files = {(mesh.name, mesh.file) for mesh in meshes if mesh.file}
+    stated = {f"{name!r} ({axis})": axis for name, file in files if (axis := up_axis(file))}
+    return sorted(text for text, axis in stated.items() if axis in UPRIGHT)
+
+
+def ignored_axes(solids: Iterable[Visuals]) -> str:
+    """Say which meshes state an up axis that is ignored, and how it counts; empty for none."""
+    if not (names := lying(solids)):
+        return ""
+    return (
+        f"the up axes of meshes are ignored, as in RViz and Gazebo: {listed(names)}; "
+        "up_axes=True turns these meshes by them, the pose of a mesh this one alone"
+    )
 
 
 def read_mesh(path: Path) -> trimesh.Trimesh:

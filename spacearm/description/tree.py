@@ -496,6 +496,11 @@ class Tree:
             visuals={**self.visuals, **shapes},
         )
 
+    def upright(self) -> Tree:
+        """Return the tree with its meshes turned by `Shape.upright`."""
+        turned = {link: shapes.upright() for link, shapes in self.visuals.items()}
+        return replace(self, visuals=turned)
+
     def massive(self) -> list[str]:
         """Return the names of the links that have mass."""
         return [name for name, part in self.links.items() if part is not None and part.mass]

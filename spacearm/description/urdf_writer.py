@@ -17,8 +17,8 @@ from spacearm.description.tree import Tree
 def document(tree: Tree, tips: tuple[str, ...]) -> bytes:
     """Write a tree as URDF, numbers with all their digits.
 
-    Two elements are extensions, which other readers ignore: <tip link> names a tip, and <wheel> in
-    a joint makes it the axle of a momentum wheel.
+    Other readers ignore these extensions: <tip link> names a tip; <wheel> in a joint makes it the
+    axle of a momentum wheel, <home> gives its home; turned="true" marks a mesh as `shapes.TURNED`.
 
     Args:
         tree: The tree.
@@ -60,8 +60,9 @@ def _geometry(geometry: shapes.Geometry) -> etree._Element:
             return E.geometry(E.sphere(radius=repr(radius)))
         case shapes.Cylinder(radius, length):
             return E.geometry(E.cylinder(radius=repr(radius), length=repr(length)))
-        case shapes.Mesh(name, file, scale):
-            return E.geometry(E.mesh(filename=str(file or name), scale=digits(scale)))
+        case shapes.Mesh(name, file, scale, turned):
+            mark = {shapes.TURNED: "true"} if turned else {}
+            return E.geometry(E.mesh(filename=str(file or name), scale=digits(scale), **mark))
         case shapes.Unusable():
             return E.geometry()
 

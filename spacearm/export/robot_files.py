@@ -15,7 +15,7 @@ from lxml.builder import E
 
 from spacearm.description.bodies import Joint, Mimic
 from spacearm.description.loops import warn_of_lost_loops
-from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere
+from spacearm.description.shapes import TURNED, Box, Cylinder, Mesh, Shape, Sphere
 from spacearm.description.urdf_writer import digits
 from spacearm.files import write
 from spacearm.model.arm import SpaceArm
@@ -275,8 +275,9 @@ def _sdf_shape(kind: str, shape: Shape, name: str) -> Iterable[etree._Element]:
             geometry = E.sphere(_number("radius", radius))
         case Cylinder(radius, length):
             geometry = E.cylinder(_number("radius", radius), _number("length", length))
-        case Mesh(_, Path() as file, scale):
-            geometry = E.mesh(E.uri(file.as_uri()), E.scale(digits(scale)))
+        case Mesh(_, Path() as file, scale, turned):
+            mark = {TURNED: "true"} if turned else {}
+            geometry = E.mesh(E.uri(file.as_uri()), E.scale(digits(scale)), **mark)
         case _:
             return
     made = E(kind, _sdf_pose(shape.pose), E.geometry(geometry), name=name)

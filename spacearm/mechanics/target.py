@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -18,8 +18,9 @@ from spacearm.description.bus import Bus, stand_in
 from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
 from spacearm.description.readers.source import Reading
+from spacearm.description.shapes import ignored_axes
 from spacearm.description.tree import Tree
-from spacearm.errors import ModelError, listed, require_known
+from spacearm.errors import ModelError, listed, require_known, warn
 from spacearm.mechanics.free_rotation import FreeRotation
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.results import Cell, Column, Described, Description, Measure, Table
@@ -54,7 +55,8 @@ class Target(Described):
 
     Its rotation is computed in closed form, at any time. With `orbit` it drifts relative to the
     chaser by the equations of Clohessy and Wiltshire (J. Aerosp. Sci. 27, 653-658 (1960), DOI
-    10.2514/8.8704). `sa.plan` and `sa.collision_check` take it as an obstacle.
+    10.2514/8.8704). `sa.plan` and `sa.collision_check` take it as an obstacle. `up_axes=True` turns
+    the meshes of its file by the up axes that they state, as `load` does.
 
     Attributes:
         body: What it is: a `Bus`, or a URDF, SDF or MJCF whose links are all fixed to each other;
@@ -69,6 +71,7 @@ class Target(Described):
             those of the orbit at time 0: x radial, outwards, y along the track and z normal to the
             orbit. The system CM of the chaser is at the origin of the inertial frame.
         name: What it is called. Default: the name of the body.
+        tree: Its links, all fixed to each other.
 
     Raises:
         ConfigurationError: A value is not valid.
@@ -92,6 +95,7 @@ class Target(Described):
     grapples: Mapping[str, pin.SE3]
     orbit: float
     name: str
+    tree: Tree = field(init=False)
 
     def __init__(
         self,
@@ -102,11 +106,11 @@ class Target(Described):
         grapples: Mapping[str, PoseLike] = NONE,
         orbit: float = 0.0,
         name: str = "",
+        up_axes: bool = False,
     ) -> None:
         in_orbit = "the orbital rate [rad/s] (0.0011 in low orbits of the Earth)"
         rate = within(orbit, "orbit", 0.0, FASTEST_ORBIT, in_orbit)
-        self.__dict__["body"] = body
-        tree = self.tree
+        tree = _rigid(body, up_axes)
         marks = {
             link: frame
             for link, frame in tree.frames.items()
@@ -114,6 +118,8 @@ class Target(Described):
         }
         own = {name: sound_pose(frame, f"grapple {name!r}") for name, frame in grapples.items()}
         self.__dict__.update(
+            body=body,
+            tree=tree,
             pose=sound_pose(pose, "pose"),
             twist=read_only(finite(twist, (6,), "twist", "[linear [m/s]; angular [rad/s]]")),
             grapples=MappingProxyType(marks | own),
@@ -133,21 +139,6 @@ class Target(Described):
         ]
         some = tuple(part for part in found if len(part))
         return some or (stand_in(tree.bodies[tree.root].spatial()).triangles(),)
-
-    @cached_property
-    def tree(self) -> Tree:
-        """Its links, all fixed to each other."""
-        if isinstance(self.body, Tree):
-            return self.body
-        rigid = Reading(rigid=True)
-        tree = self.body.tree() if isinstance(self.body, Bus) else formats.read(self.body, rigid)
-        if moving := [joint.name for joint in tree.movable()]:
-            raise ModelError(
-                f"{tree.name} has joints that move, {listed(moving)}, and a target is one rigid "
-                "body; make them fixed in the file, or give the posture or motion of a robot, "
-                "sa.Obstacle.robot, as an obstacle"
-            )
-        return tree
 
     @property
     def inertial(self) -> Inertial:
@@ -226,7 +217,7 @@ class Target(Described):
 
     def replace(self, **changes: Any) -> Target:
         """Return the target with other values: another pose or twist, for example."""
-        return replace(self, **changes)
+        return replace(self, **{"body": self.tree} | changes)
 
     def scaled(self, mass: float, inertia: float) -> Target:
         """Return the target with its mass and its inertia about the CM times factors.
@@ -280,6 +271,23 @@ class Target(Described):
         """Return its values at time 0 as plain JSON data."""
         names = ("name", "mass", "com", "inertia", "pose", "twist", "grapples", "orbit")
         return {name: plain(getattr(self, name)) for name in names}
+
+
+def _rigid(body: Bus | RobotSource | Tree, up_axes: bool) -> Tree:
+    """Return the links of a target, all fixed to each other."""
+    if isinstance(body, Tree):
+        return body.upright() if up_axes else body
+    rigid = Reading(rigid=True, up_axes=up_axes)
+    tree = body.tree() if isinstance(body, Bus) else formats.read(body, rigid)
+    if moving := [joint.name for joint in tree.movable()]:
+        raise ModelError(
+            f"{tree.name} has joints that move, {listed(moving)}, and a target is one rigid "
+            "body; make them fixed in the file, or give the posture or motion of a robot, "
+            "sa.Obstacle.robot, as an obstacle"
+        )
+    if ignored := ignored_axes(tree.visuals.values()):
+        warn(f"{tree.name}: {ignored}")
+    return tree
 
 
 def drift(place: Array, v: Array, t: float, orbit: float) -> tuple[Array, Array]:

@@ -221,7 +221,7 @@ def test_meshes_are_turned_by_their_up_axes_in_what_convert_writes(tmp_path):
     path, upright = tmp_path / "robot.urdf", tmp_path / "upright.urdf"
     path.write_text(robot(link("bus", 50.0), part, joint("elbow", "bus", "arm")))
     told = spacearm("info", path, "--density", 1000).stdout
-    assert "'box.dae' (Y_UP); spacearm convert --up-axes turns" in " ".join(told.split())
+    assert "'box.dae' (Y_UP); spacearm convert --up-axes, or up_axes" in " ".join(told.split())
     run = spacearm("convert", path, "--density", 1000, "--up-axes", "-o", upright)
     assert "meshes are turned by their up axes: 'box.dae' (Y_UP)" in " ".join(run.stdout.split())
     moments = np.diag(sa.load(upright).bodies["arm"].inertia)

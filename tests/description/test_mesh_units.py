@@ -1,8 +1,10 @@
 """Units of meshes: masses, collisions and drawings of a mesh are those of the body in metres."""
 
+import itertools
 import re
 import warnings
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,7 +12,11 @@ import trimesh
 from helpers.arms import joint, link, robot
 
 import spacearm as sa
-from spacearm.description.shapes import mesh_bounds, read_mesh
+from spacearm.cli.questions import constraints_of, question, target_of
+from spacearm.cli.wording import in_own_words
+from spacearm.description.readers import formats
+from spacearm.description.readers.source import Reading
+from spacearm.description.shapes import lying, mesh_bounds, read_mesh
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)  # of meshcat's server
@@ -99,16 +105,70 @@ def test_up_axes_count_everywhere_if_they_are_to(scale, tmp_path):
         assert (
             told == (f"meshes are turned by their up axes: 'body.dae' ({up})", None)[up[0] == "Z"]
         )
-        written = sa.load(arm.to_urdf(tmp_path / "written.urdf"))
         as_written = seen(arm_of(tmp_path, mesh))
         found[up] = seen(arm)
-        for one, other, turned in zip(found[up], seen(written), as_written, strict=True):
-            np.testing.assert_allclose(one, other, rtol=0, atol=1e-6 * np.abs(one).max())
+        for one, turned in zip(found[up], as_written, strict=True):
             if up != "Z_UP" and np.size(one) > 1:
                 assert not np.allclose(one, turned, rtol=0.01, atol=0.01 * np.abs(one).max())
+        files = arm.to_urdf(tmp_path / "written.urdf"), sa.to_sdf(arm, tmp_path / "written.sdf")
+        for path, again in zip(files, (True, False), strict=True):  # which turns nothing twice
+            written = sa.load(path, tip="arm", up_axes=again)
+            (said,) = [note for note in written.notes if "up axes" in note] or [None]
+            assert said is None if up == "Z_UP" else "are turned by" in said
+            for one, other in zip(found[up], seen(written), strict=True):
+                np.testing.assert_allclose(one, other, rtol=0, atol=1e-6 * np.abs(one).max())
     for up in ("X_UP", "Y_UP"):
         for one, other in zip(found[up], found["Z_UP"], strict=True):
             np.testing.assert_allclose(one, other, rtol=0, atol=1e-6 * np.abs(one).max())
+
+
+OBSTACLES = {
+    "a mesh": "obstacles = [{mesh = 'body.dae', up_axes = true}]",
+    "a robot": "obstacles = [{robot = 'robot.urdf', up_axes = true}]",
+    "a target": "body = 'target.urdf'\nup_axes = true",
+}
+
+
+@pytest.mark.parametrize("kind", OBSTACLES)
+def test_obstacles_and_targets_say_and_take_up_axes(kind, tmp_path, monkeypatch):
+    """In the file of a question, where a user finds the option that the warning names."""
+    monkeypatch.chdir(tmp_path)
+    at = '<collision><geometry><mesh filename="body.dae"/></geometry></collision>'
+    (tmp_path / "robot.urdf").write_text(
+        robot(link("bus", 50.0), link("arm", 2.0, inside=at), joint("elbow", "bus", "arm"))
+    )
+    (tmp_path / "target.urdf").write_text(robot(link("hull", 50.0, inside=at)))
+    body = np.array([(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.2, 0.0), (0.02, 0.03, 0.3)])
+    ball, found = sa.Obstacle.sphere(0.1, sa.pose((0.3, 0.7, 0.9))), {}
+    for (up, frame), turned in itertools.product(FRAMES.items(), (True, False)):
+        mesh = trimesh.convex.convex_hull(np.column_stack(frame(*body.T)))
+        collada(tmp_path / "body.dae", up=up, mesh=mesh)
+        (tmp_path / "asked.toml").write_text(OBSTACLES[kind].replace("true", str(turned).lower()))
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always", sa.ModelWarning)
+            if kind == "a target":
+                target = target_of(tmp_path / "asked.toml").replace(pose=sa.pose((0, 0, 0)))
+                thing = sa.Obstacle.of_target(target)
+            else:
+                (thing,) = constraints_of(question(["asked.toml"], "obstacles")).obstacles
+        said = [in_own_words(str(each.message)) for each in told]
+        assert len(said) == (up != "Z_UP" and not turned)
+        assert all(f"'body.dae' ({up}); " in text and "up_axes = true" in text for text in said)
+        (part,), (pose,) = thing.parts[-1:], thing.poses(0.0)[-1:]
+        round_one = coal.CollisionObject(ball.parts[0].shape, ball.pose)
+        ways = coal.DistanceRequest(), coal.DistanceResult()
+        solid = coal.CollisionObject(part.shape, pose)
+        found[up, turned] = coal.distance(round_one, solid, *ways)
+    right = found.pop(("Z_UP", True))
+    for (up, turned), gap in found.items():
+        assert (abs(gap - right) < 1e-6) == (turned or up == "Z_UP")
+
+
+def test_no_mesh_of_the_catalogue_states_another_up_axis_than_z():
+    """So its arms are mounted alike with `up_axes` and without."""
+    for info in sa.arms():
+        tree = formats.read(info.path, Reading(spacecraft=False, known=True))
+        assert not lying(tree.visuals.values())
 
 
 @pytest.mark.parametrize("unit", ["0", "-1", "nan", "inf", "inch"])

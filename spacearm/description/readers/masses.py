@@ -9,9 +9,8 @@ joints moves some mass.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 
 import coal
@@ -45,9 +44,9 @@ def checked(source: Source, tree: Tree) -> Tree:
     Warns:
         ModelWarning: Something was assumed or left out.
     """
-    turn, estimated = source.reading.up_axes, dict[str, Inertial]()
-    if turn and not source.reading.known:
-        tree = replace(tree, visuals={link: own.upright() for link, own in tree.visuals.items()})
+    estimated = dict[str, Inertial]()
+    if source.reading.up_axes and not source.reading.known:
+        tree = tree.upright()
     if source.reading.density is not None:
         estimated = of_density(source, tree, source.reading.density)
         tree = replace(tree, links={**tree.links, **estimated})
@@ -60,24 +59,13 @@ def checked(source: Source, tree: Tree) -> Tree:
     drawn = {} if source.reading.known else tree.visuals
     for doubt in implausible(replace(tree, visuals=drawn), estimated):
         source.warn(doubt)
-    if lying := sorted(set(_lying(drawn.values()))):
-        source.note(
-            f"meshes are turned by their up axes: {listed(lying)}"
-            if turn
-            else f"the up axes of meshes are ignored, as in RViz and Gazebo: {listed(lying)}; "
-            "up_axes=True turns these meshes by them, the rpy of its <origin> a single one"
-        )
+    if source.reading.known:
+        return tree
+    if turned := shapes.lying(tree.visuals.values(), turned=True):
+        source.note(f"meshes are turned by their up axes: {listed(turned)}")
+    if ignored := shapes.ignored_axes(tree.visuals.values()):
+        source.note(ignored)
     return tree
-
-
-def _lying(solids: Iterable[shapes.Visuals]) -> Iterator[str]:
-    """Yield the meshes that state an up axis other than z."""
-    for shape in chain.from_iterable((*both.visual, *both.collision) for both in solids):
-        match shape.geometry:
-            case shapes.Mesh(name, Path() as file) if (
-                axis := shapes.up_axis(file)
-            ) in shapes.UPRIGHT:
-                yield f"{name!r} ({axis})"
 
 
 def _require_masses(source: Source, tree: Tree) -> None:

@@ -22,7 +22,7 @@ from spacearm.description.readers.forest import Forest, turns, unprefixed
 from spacearm.description.readers.masses import solid_inertia
 from spacearm.description.readers.sdf_frames import WORLD, Contents, Scope, pose, relative_to, words
 from spacearm.description.readers.source import Source, describe, evaluate
-from spacearm.description.shapes import Mesh, Shape, primitive
+from spacearm.description.shapes import Shape, primitive
 from spacearm.description.tree import Tree
 
 #: Limits beyond it are SDFormat's way to say that there is none (±1e16).
@@ -131,7 +131,7 @@ class _Reader:
             return ()
         if element.tag == "mesh":
             name, scale = words(element, "uri"), vector(source, element, "scale", "1 1 1")
-            return (Shape(at, Mesh(name, source.mesh(name), tuple(scale.tolist())), rgba),)
+            return (Shape(at, source.mesh(element, name, scale), rgba),)
         if element.tag in ("box", "sphere", "cylinder", "capsule", "ellipsoid"):
             lengths = LENGTHS | ({"radius": "0.5"} if element.tag == "capsule" else {})
 

@@ -21,7 +21,7 @@ from lxml import etree
 
 from spacearm.arrays import LARGEST, MOST_LINKS, Array, positive
 from spacearm.description.readers.packages import Packages
-from spacearm.description.shapes import Shape, Unusable, Visuals
+from spacearm.description.shapes import TURNED, Mesh, Shape, Unusable, Visuals
 from spacearm.errors import ConfigurationError, ModelError, ModelWarning, listed, warn
 from spacearm.files import read, xml
 from spacearm.processes import WorkerError, call_within
@@ -197,11 +197,12 @@ class Source:
         """Note what was left out, without a warning: it makes no difference to the arm."""
         self.notes.append(message)
 
-    def mesh(self, name: str) -> Path | None:
-        """Find a mesh file, once; None, to be warned of, if there is none."""
+    def mesh(self, element: etree._Element, name: str, scale: Array) -> Mesh:
+        """Return the mesh of an element; without a file, to be warned of, if there is none."""
         if name not in self._meshes:
             self._meshes[name] = self.packages.file(name)
-        return self._meshes[name]
+        factors, turned = tuple(scale.tolist()), element.get(TURNED) == "true"
+        return Mesh(name, self._meshes[name], factors, turned)
 
     def shapes(
         self, link: etree._Element, read: Callable[[etree._Element], Iterable[Shape]]

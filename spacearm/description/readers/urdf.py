@@ -19,7 +19,7 @@ from spacearm.arrays import LARGEST, LEAST_MASS
 from spacearm.description.bodies import Inertial, Joint, Mimic
 from spacearm.description.readers.forest import Forest, check_mimics, turns
 from spacearm.description.readers.source import Source, describe, evaluate
-from spacearm.description.shapes import Mesh, Shape, primitive
+from spacearm.description.shapes import Shape, primitive
 from spacearm.description.tree import Tree
 from spacearm.errors import listed, unknown
 
@@ -298,7 +298,7 @@ def _shapes(
     pose, element = source.pose(parent), parent.find("geometry/*")
     if element is not None and element.tag == "mesh":
         name, scale = element.get("filename", ""), source.numbers(element, "scale", 3, "1 1 1")
-        return (Shape(pose, Mesh(name, source.mesh(name), tuple(scale.tolist())), rgba),)
+        return (Shape(pose, source.mesh(element, name, scale), rgba),)
     if element is not None and element.tag in ("box", "sphere", "cylinder", "capsule"):
         # a collision body without extension would be far from everything
         positive = parent.tag == "collision" or element.tag == "capsule"
