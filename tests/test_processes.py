@@ -76,7 +76,7 @@ def test_a_worker_whose_main_process_is_gone_says_nothing():
     worker.stdout.close()
     pickle.dump(pickle.dumps((partial(os.getpid), False)), worker.stdin)
     worker.stdin.flush()
-    assert worker.wait(timeout=60) == 1, "it ends, since nobody reads its answer"
+    assert worker.wait(timeout=300) == 1, "it ends, since nobody reads its answer"
     worker.stdin.close()
     assert worker.stderr.read() == b""
     worker.stderr.close()
@@ -86,7 +86,7 @@ def test_a_worker_ends_when_its_input_does_in_the_midst_of_a_call():
     worker = subprocess.Popen(COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     pickle.dump(pickle.dumps((partial(time.sleep, 600.0), False)), worker.stdin)
     worker.stdin.close()
-    assert worker.wait(timeout=60) == 1
+    assert worker.wait(timeout=300) == 1
     worker.stdout.close()
 
 

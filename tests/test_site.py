@@ -92,6 +92,7 @@ def test_pages_in_a_browser_load_nothing_from_outside_and_fit():
         flags = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=flags)
         page = browser.new_page()
+        page.set_default_timeout(120_000)
         outside, wide, errors = [], [], []
         page.on("request", lambda r: r.url.startswith(local) or outside.append(r.url))
         page.on("pageerror", lambda error: errors.append(f"{page.url}: {error}"))

@@ -254,9 +254,9 @@ def test_what_takes_long_says_so_on_stderr(capsys, monkeypatch):
         progress(1.0, 4.0)
         time.sleep(0.2)
     lines = capsys.readouterr().err.splitlines()
-    assert lines[0].startswith("spacearm: digging: 0 s so far")
+    assert re.match(r"spacearm: digging: \d+ s so far", lines[0])
     assert "25 %, about" in "".join(lines)
-    assert lines[-1].endswith("25 %, 0 s so far"), "it said that it would have ended by now"
+    assert re.search(r"25 %, \d+ s so far$", lines[-1]), "it said that it would have ended by now"
     with working("digging", searches=True) as progress:
         progress(10.0, 60.0)
         time.sleep(0.1)

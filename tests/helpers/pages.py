@@ -10,6 +10,7 @@ class Page:
         self.context = browser.new_context(
             viewport={"width": width, "height": height}, **options
         )  # fmt: skip
+        self.context.set_default_timeout(120_000)  # of a machine with much else to do
         self.page = self.context.new_page()
         self.requests, self.errors = [], []
         self.page.on("request", lambda request: self.requests.append(request.url))
@@ -44,7 +45,7 @@ class Page:
             arg=[selector, text],
         )
 
-    def until(self, holds, seconds=30.0):
+    def until(self, holds, seconds=120.0):
         """Waits until what is asked holds, while the page goes on."""
         end = time.monotonic() + seconds
         while not holds():

@@ -33,7 +33,7 @@ def files(store):
 
 def wait_for_chunks(store, few=3, marks="chunks/risk/c"):
     """Until some chunks are done."""
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 300
     while time.monotonic() < deadline:
         if store.exists() and len([*(store / marks).glob("*")]) >= few:
             return
@@ -55,5 +55,5 @@ def start(study_file, store, *words, **options):
 
 def run(study_file, store, *words, **options):
     process = start(study_file, store, *words, **options)
-    out, err = process.communicate(timeout=120)
+    out, err = process.communicate(timeout=600)
     return process.returncode, out, err

@@ -53,7 +53,7 @@ def test_the_tip_stays_while_it_is_held(planar):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [2, 4, 14, 20])
+@pytest.mark.parametrize("seed", [2, 4, 14])
 def test_the_tip_stays_where_the_motion_is_flown(seed):
     """Held up to 600 s, some to a singularity, where the joints are fastest; seeds that drifted."""
     n = 3 + seed % 6

@@ -70,7 +70,7 @@ def test_the_fence_sees_what_must_not_be():
     code = (
         "import sys; sys.path.insert(0, sys.argv.pop(1)); import fuzz, fence, os, socket, time\n"
         "from lxml import etree; xml = etree.ElementTree(etree.XML('<a/>'))\n"
-        f"fuzz.LIMIT, faults = 0.5, iter({list(FAULTS)!r})\n"
+        f"fuzz.LIMIT, faults = 2.0, iter({list(FAULTS)!r})\n"
         "def misbehave(rng, folder, named):\n"
         "    fault = next(faults)\n"
         "    eval(fault, {**vars(fuzz), **globals(), 'folder': folder})\n"

@@ -132,7 +132,7 @@ def test_a_stick_leads_the_tip_and_with_a_shoulder_button_turns_it(browser):
         last = None
         while last is None or not np.array_equal(viewer.configuration.q, last):
             last = viewer.configuration.q
-            page.page.wait_for_timeout(400)
+            page.page.wait_for_timeout(1000)
         return viewer.configuration.tip
 
     pad([0.0, -1.0, 0.0, 0.0])

@@ -58,7 +58,7 @@ def viewer():
 
 def live(page):
     """The frame of the live page, once it has taken the place of the scene."""
-    page.page.wait_for_selector("iframe[srcdoc]", state="detached", timeout=60_000)
+    page.page.wait_for_selector("iframe[srcdoc]", state="detached")
     frame = page.page.frame_locator("iframe[title='spacearm, live']")
     frame.locator("body[data-ready=yes]").wait_for(state="attached")
     return frame
@@ -83,7 +83,7 @@ def shown(frame):
 
 
 def status(url):
-    with contextlib.suppress(urllib.error.HTTPError), urllib.request.urlopen(url, timeout=10) as a:
+    with contextlib.suppress(urllib.error.HTTPError), urllib.request.urlopen(url, timeout=60) as a:
         return a.status
     return 403
 
@@ -139,7 +139,7 @@ def test_a_notebook_gets_the_page_served_and_no_window_opened(monkeypatch):
         text = shown._repr_html_()
         assert token not in text, "others may read the notebook"
         (ticket,) = re.findall(r'live.src = "([^"]+)"', text)
-        with urllib.request.urlopen(ticket, timeout=10) as answer:
+        with urllib.request.urlopen(ticket, timeout=60) as answer:
             assert answer.url == shown.url
             framed = answer.headers["Content-Security-Policy"]
         hosts = {urlsplit(each).hostname for each in framed.split()[1:]}

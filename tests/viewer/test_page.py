@@ -206,6 +206,7 @@ def test_the_nearest_singularity_says_how_far_it_was(browser):
 def test_without_webgl_the_panel_works_and_says_why_nothing_is_drawn(browser):
     viewer = sa.view(sa.load("planar2").at([0.3, 1.2]), open=False)
     context = browser.new_context()
+    context.set_default_timeout(120_000)
     context.add_init_script(
         "const get = HTMLCanvasElement.prototype.getContext;"
         "HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {"

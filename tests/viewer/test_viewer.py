@@ -191,7 +191,7 @@ def port_of(url):
 def get(url, path="", **headers):
     """Status of a GET request; the page itself, with its token, if no path is given."""
     parts = urlsplit(url)
-    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=10)
+    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=60)
     try:
         connection.request("GET", f"/{path}?{parts.query}", headers=headers)
         with connection.getresponse() as answer:
@@ -406,7 +406,7 @@ def test_the_address_that_the_browser_is_started_with_leads_in_once(viewer, monk
     viewer.open()
     (ticket,) = opened
     assert urlsplit(viewer.url).query not in ticket
-    with urllib.request.urlopen(ticket, timeout=10) as answer:
+    with urllib.request.urlopen(ticket, timeout=60) as answer:
         assert answer.url == viewer.url
         assert answer.status == 200
     assert get(ticket) == 403
@@ -450,7 +450,10 @@ def test_a_browser_that_does_not_read_costs_no_memory(viewer):
             "Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
             "Sec-WebSocket-Version: 13\r\n\r\n".encode()
         )
-        time.sleep(0.5)
+        for _ in range(6000):  # a minute at most
+            if viewer._server._browsers:
+                break
+            time.sleep(0.01)
         (browser,) = viewer._server._browsers
         before = resident()
         for i in range(400):
@@ -516,7 +519,7 @@ def test_ctrl_c_ends_the_command_and_leaves_nothing():
     assert f"http://127.0.0.1:{port}/?token=" in line
     assert get(line.split()[1]) == 200
     run.send_signal(signal.SIGINT)
-    _, errors = run.communicate(timeout=60)
+    _, errors = run.communicate(timeout=300)
     assert run.returncode == 0
     assert errors == ""
     with pytest.raises(ConnectionRefusedError):

@@ -45,7 +45,7 @@ def background():
     return job, finished
 
 
-def wait(condition, seconds=60.0):
+def wait(condition, seconds=300.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end

@@ -566,7 +566,7 @@ def test_command_shows_the_shells_in_the_browser(tmp_path):
         if "http://127.0.0.1:" in line:
             break
     shown.send_signal(signal.SIGINT)
-    _, errors = shown.communicate(timeout=60)
+    _, errors = shown.communicate(timeout=300)
     assert shown.returncode == 0
     assert all("computing the workspace" in line for line in errors.splitlines())  # slow machines
 
