@@ -343,7 +343,8 @@ def _parameters(
 ) -> tuple[str, Mapping[str, inspect.Parameter], Mapping[str, Hint]]:
     """Return the name of a function or a class for messages, its parameters and annotations."""
     made: object = thing
-    if isinstance(thing, type) and not is_dataclass(thing):
+    generated = getattr(thing, "__dataclass_params__", None)
+    if isinstance(thing, type) and not (generated and generated.init):
         made = next(vars(kind)["__init__"] for kind in thing.__mro__ if "__init__" in vars(kind))
     hints = _hints(made)
     if isinstance(thing, type):  # for a field that is an array a constructor takes what makes one

@@ -277,6 +277,7 @@ def test_an_obstacle_begins_where_the_target_is_then():
         (lambda: debris(orbit=-1.0), "orbit"),
         (lambda: debris(orbit="low"), "orbit"),
         (lambda: debris(twist=(1, 2, 3)), "twist"),
+        (lambda: debris(up_axes=1), "up_axes is 1; give True or False"),
         (lambda: debris(grapples=["ring"]), "grapples"),
         (lambda: debris(grapples={"ring": 3.0}), "ring"),
         (lambda: debris().at(np.nan), "t is"),
