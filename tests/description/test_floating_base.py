@@ -190,9 +190,28 @@ def test_a_base_that_may_be_a_rail_is_a_question_with_both_answers(base, axes, t
     assert sa.mount(path, sa.Bus(mass=100, size=(1, 1, 1))).n == 3 + len(base)
 
 
-def test_carriages_with_mass_are_no_floating_base(tmp_path):
-    with pytest.raises(sa.ModelError, match="rail"):
-        load(tmp_path, urdf(PLANE, carriage=1.0))
+@pytest.mark.parametrize("base", [PLANE, SPACE])
+def test_carriages_with_mass_are_a_question(base, tmp_path):
+    text, names = urdf(base, carriage=0.01), ", ".join(base)
+    with pytest.raises(sa.ModelError, match=f"carries 'bus' by {names}: .*rail.*lock {names} "):
+        load(tmp_path, text)
+    arm = sa.load(tmp_path / "r.urdf", locked=dict.fromkeys(base, 0.0))
+    assert arm.n == 3
+    assert arm.mass == pytest.approx(floating(tmp_path).arm.mass + 0.01 * len(base))
+
+
+@pytest.mark.parametrize("base", [PLANE, SPACE])
+def test_a_light_root_stands_for_the_world_and_a_heavy_one_is_the_spacecraft(base, tmp_path):
+    def on(mass, carriage=0.0):
+        ground = f'<link name="ground">{inertial(mass)}</link>'
+        return urdf(base, carriage=carriage).replace('<link name="ground"/>', ground)
+
+    with pytest.warns(sa.ModelWarning, match="left out, with 'ground' of 1 kg: .*floats by itself"):
+        same(load(tmp_path, on(1.0)), floating(tmp_path))
+    with pytest.warns(sa.ModelWarning, match="has 1 kg and carries 'bus'.*as which it is taken"):
+        assert load(tmp_path, on(1.0, 0.01)).n == 3 + len(base)
+    with pytest.warns(sa.ModelWarning, match="taken as massless"):
+        assert load(tmp_path, on(500.0)).n == 3 + len(base)
 
 
 @pytest.mark.parametrize("base", [PLANE, SPACE])

@@ -13,6 +13,7 @@ from spacearm.arrays import Array
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.grippers import PARALLEL, fingers
 from spacearm.description.loops import WORLD
+from spacearm.description.readers.masses import LIGHT
 from spacearm.description.readers.source import Source
 from spacearm.description.shapes import Visuals
 from spacearm.description.tree import Loop, Tree, free_name
@@ -390,45 +391,74 @@ def with_floating_base(source: Source, tree: Tree) -> Tree:
     """Return the tree from the spacecraft on, where joints without mass between stand for floating.
 
     Three slides and three hinges let a body float in space; two slides and a hinge across both in
-    their plane, which is the same for a robot that moves in this plane only.
+    their plane, which is the same for a robot that moves in this plane only. A root that is light
+    beside what it carries by them stands for the world too.
 
     Raises:
         ModelError: The joints may be a rail as well.
 
     Warns:
-        ModelWarning: Joints were left out; or they were not, as a bus is to carry them.
+        ModelWarning: Joints were left out; or they were not, as a bus is to carry them, or as links
+            between have mass.
     """
-    way = _way(source, tree)
-    if not way:
+    chain, masses = _chain(tree), {leader: body.mass for leader, body in tree.bodies.items()}
+    ends = [k for k, joint in enumerate(chain, 1) if _bodies(source, tree, joint.child)]
+    world, foot = not _bodies(source, tree, tree.root), masses[tree.root]
+    if not ends or not (world or 0.0 < foot <= LIGHT * (sum(masses.values()) - foot)):
         return tree
-    base, names = _from(tree, way[-1].child), listed([joint.name for joint in way])
-    spacecraft = next(link for link in tree.lumps[base.root] if _is_body(source, tree, link))
-    if not base.freedoms or any(
-        joint.mimic and joint.mimic.leader not in base.joints for joint in base.joints.values()
-    ):
+    way = chain[: world * ends[0]]
+    for k in ends:
+        *lighter, last = (masses[joint.child] for joint in chain[:k])
+        if sum(lighter) <= LIGHT * last and _floats(tree, chain[:k]):
+            way = chain[:k]
+    if not _carries_a_robot(tree, way) or not len(_axes(tree, way, "prismatic")):
         return tree
-    slides, hinges = _axes(tree, way, "prismatic"), _axes(tree, way, "revolute", "continuous")
-    if not len(slides):
-        return tree
-    floats = _spans(slides, 3) and _spans(hinges, 3)
-    if not (floats or _in_plane(tree, base, slides, hinges)):
-        if not source.reading.spacecraft:
-            return tree
-        source.fail(
-            f"the link {tree.root!r} has no mass and carries {spacecraft!r} by {names}: "
-            f"{spacecraft!r} may be a spacecraft that floats, or an arm on a rail",
-            f"for a spacecraft, lock {names} (locked={{{way[0].name!r}: 0.0}} locks one), and it "
-            "floats by itself; an arm on a rail is "
-            f"mounted with its rail: sa.mount({str(source.path)!r}, sa.Bus(mass=..., size=...))",
+    names = listed([joint.name for joint in way])
+    spacecraft = _bodies(source, tree, way[-1].child)[-1]
+    floats = len(way) == ends[0] and _floats(tree, way)
+    if floats and source.reading.spacecraft:
+        left = "" if world else f", with {tree.root!r} of {foot:.3g} kg"
+        source.warn(
+            f"joints {names} are left out{left}: the spacecraft {spacecraft!r} floats by itself"
         )
-    if not source.reading.spacecraft:
+        base = _from(tree, way[-1].child)
+        return replace(base, loops=(*base.loops, *_to_the_world(tree, base)))
+    if floats:
         source.warn(
             f"joints {names} carry {spacecraft!r} as if it were a floating spacecraft; they "
             "become joints of an arm on the bus: load the file without a bus to leave them out"
         )
-        return tree
-    source.warn(f"joints {names} are left out: the spacecraft {spacecraft!r} floats by itself")
-    return replace(base, loops=(*base.loops, *_to_the_world(tree, base)))
+    elif source.reading.spacecraft:
+        doubt = (
+            f"the link {tree.root!r} has {'no mass' if world else f'{foot:.3g} kg'} and carries "
+            f"{spacecraft!r} by {names}: {spacecraft!r} may be a spacecraft that floats, or an arm "
+            "on a rail"
+        )
+        lock = (
+            f"for a spacecraft, lock {names} (locked={{{way[0].name!r}: 0.0}} locks one), and it "
+            "floats by itself"
+        )
+        if world:
+            bus = f"sa.mount({str(source.path)!r}, sa.Bus(mass=..., size=...))"
+            source.fail(doubt, f"{lock}; an arm on a rail is mounted with its rail: {bus}")
+        source.warn(f"{doubt}, as which it is taken; {lock}")
+    return tree
+
+
+def _carries_a_robot(tree: Tree, way: list[Joint]) -> bool:
+    """Whether what the joints carry has joints of its own that need no other."""
+    if not way:
+        return False
+    base = _from(tree, way[-1].child)
+    leaders = (joint.mimic.leader for joint in base.joints.values() if joint.mimic)
+    return bool(base.freedoms) and all(leader in base.joints for leader in leaders)
+
+
+def _floats(tree: Tree, way: list[Joint]) -> bool:
+    """Whether joints let what they carry float, in space or in the plane of its joints."""
+    slides, hinges = _axes(tree, way, "prismatic"), _axes(tree, way, "revolute", "continuous")
+    in_space = _spans(slides, 3) and _spans(hinges, 3)
+    return in_space or _in_plane(tree, way, slides, hinges)
 
 
 def _to_the_world(tree: Tree, base: Tree) -> list[Loop]:
@@ -442,16 +472,21 @@ def _to_the_world(tree: Tree, base: Tree) -> list[Loop]:
     return found
 
 
-def _way(source: Source, tree: Tree) -> list[Joint]:
-    """Return the only joints from a massless root to the first body; empty if there are others."""
-    way, leader = list[Joint](), tree.root
-    while not any(_is_body(source, tree, link) for link in tree.lumps[leader]):
-        after = [joint for joint in tree.movable() if joint.parent in tree.lumps[leader]]
-        if len(after) != 1 or after[0].mimic:
-            return []
-        way += after
-        leader = after[0].child
-    return way
+def _chain(tree: Tree) -> list[Joint]:
+    """Return the joints from the root on, as long as one alone is behind the other."""
+    chain, after = list[Joint](), [tree.root]
+    while after:
+        lump = tree.lumps[after[0]]
+        behind = [joint for joint in tree.movable() if joint.parent in lump]
+        after = [joint.child for joint in behind if not joint.mimic and len(behind) == 1]
+        chain += behind[: len(after)]
+    return chain
+
+
+def _bodies(source: Source, tree: Tree, leader: str) -> list[str]:
+    """Return the links fixed to one that are bodies, the heaviest last."""
+    found = [link for link in tree.lumps[leader] if _is_body(source, tree, link)]
+    return sorted(found, key=lambda link: part.mass if (part := tree.links[link]) else 0.0)
 
 
 def _is_body(source: Source, tree: Tree, link: str) -> bool:
@@ -482,10 +517,11 @@ def _spans(axes: Array, count: int) -> bool:
     return len(axes) == count and np.linalg.matrix_rank(axes, tol=PARALLEL) == count
 
 
-def _in_plane(tree: Tree, base: Tree, slides: Array, hinges: Array) -> bool:
+def _in_plane(tree: Tree, way: list[Joint], slides: Array, hinges: Array) -> bool:
     """Whether two slides and a hinge span a plane that all joints but those of fingers keep."""
     if not (_spans(slides, 2) and len(hinges) == 1):
         return False
+    base = _from(tree, way[-1].child)
     across = slides @ hinges[0]
     begin = {name for joints in fingers(base).values() for name in joints}
     moving = [j for j in base.movable() if begin.isdisjoint(k.name for k in base.chain(j.child))]
