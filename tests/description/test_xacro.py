@@ -1,6 +1,7 @@
 """xacro: sources expanded, packages found, arguments asked for by name, and nothing else run."""
 
 import os
+import re
 import warnings
 from pathlib import Path
 
@@ -510,9 +511,12 @@ def test_a_name_given_twice_is_found_where_it_is_written(tmp_path):
         '<xacro:include filename="parts.xacro"/>' + ARM + '<xacro:body name="arm" mass="1"/>'
     )
     path = write(tmp_path / "robot.xacro", again)
-    where = r"'arm' \(line 4 of robot\.xacro and line 2 of parts\.xacro\); rename one"
-    with pytest.raises(sa.ModelError, match=where):
+    called = r"line 2 of parts\.xacro, called in line (\d+) of robot\.xacro"
+    where = rf"'arm' \(line 4 of robot\.xacro and {called}\); rename one"
+    with pytest.raises(sa.ModelError, match=where) as told:
         sa.load(path)
+    line = int(re.search(called, str(told.value))[1])
+    assert '<xacro:body name="arm"' in path.read_text().splitlines()[line - 1]
 
 
 def test_namespaces_need_no_declaration(tmp_path):

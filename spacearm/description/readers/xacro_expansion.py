@@ -65,6 +65,7 @@ class Expansion:
         self.known: set[str] = set()
         self.warnings: list[str] = []
         self.lines: list[str] = []
+        self._calls: dict[Any, str] = {}  # where macros are called
         self._left_out = False
         self._path = path
         self._packages = packages
@@ -181,7 +182,15 @@ class Expansion:
                 except KeyError:
                     self._xacro.replace_node(node, by=None)
                     return True
-            return call(node, macros, symbols)
+            line, before, end = self._calls.get(node), node.previousSibling, node.nextSibling
+            parent = node.parentNode
+            replaced = call(node, macros, symbols)
+            made = before.nextSibling if before else parent.firstChild
+            while line and made is not end:
+                if made.nodeType == made.ELEMENT_NODE and made.hasAttribute(WRITTEN):
+                    made.setAttribute(WRITTEN, f"{made.getAttribute(WRITTEN)}, called in {line}")
+                made = made.nextSibling
+            return replaced
 
         return called
 
@@ -255,8 +264,11 @@ class Expansion:
             raise XacroError(f"{file.name} is not XML ({error})", "correct it there") from None
         written = etree.fromstring(content).iter(etree.Element)
         for node, element in zip(document.getElementsByTagName("*"), written, strict=True):
+            line = f"line {element.sourceline} of {file.name}"
             if node.tagName in ("link", "joint"):
-                node.setAttribute(WRITTEN, f"line {element.sourceline} of {file.name}")
+                node.setAttribute(WRITTEN, line)
+            elif node.tagName.startswith("xacro:"):
+                self._calls[node] = line
         return document
 
     def _load_yaml(self, filename: str) -> Any:
