@@ -14,7 +14,7 @@ import typer
 import spacearm as sa
 from spacearm.cli import options as opt
 from spacearm.cli.output import Answer, err, out, save_phases, working
-from spacearm.cli.questions import With, constraints_of, question, search_of, start_of, target_of
+from spacearm.cli.questions import With, constraints_of, question, search_of, target_of
 from spacearm.cli.wording import NUMBER, join_numbers
 from spacearm.export.motion_files import read_measured
 from spacearm.files import write
@@ -50,7 +50,9 @@ def find_attitudes(
     told = ("speed", "refine", "seed", "length")
     asked = question(more, "start", *told)
     anywhere = not q and "q" not in asked.inner("start").values
-    start = start_of(arm, asked, [0.0] * arm.n if anywhere else q, attitude, deg)
+    start = opt.configuration(
+        arm, [0.0] * arm.n if anywhere else q, attitude, deg, asked.inner("start")
+    )
     with working("trying attitudes") as progress:
         return sa.feasible_attitudes(
             start,
@@ -99,7 +101,7 @@ def find_catch(
     told = ("grapple", "approach", "closing", "touching", "bears", "wanted", "mode")
     frames = by_tip or (grapple[0] if grapple else None)
     asked = question(more, "start", "constraints", "search", *told, grapple=frames)
-    start = start_of(arm, asked, q, attitude, deg)
+    start = opt.configuration(arm, q, attitude, deg, asked.inner("start"))
     early, late = opt.numbers("--window", window, 2).tolist()
     with working("trying contacts", searches=True) as progress:
         found = sa.catch(
@@ -170,7 +172,7 @@ def hold_target(
     if given and set(arm.tips) != set(given):
         arm = arm.replace(tip=list(given))
     asked = question(more, "start", "limits", "seed", "exact", "regrasp")
-    start = start_of(arm, asked, q, attitude, deg)
+    start = opt.configuration(arm, q, attitude, deg, asked.inner("start"))
     held = sa.hold(
         start,
         None if target is None else target_of(target),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
@@ -130,9 +130,14 @@ def documented(command: Callable[P, T]) -> Callable[P, T]:
         info.metavar = metavar or None
         parameters[name] = parameters[name].replace(annotation=Annotated[kind, info])
     command.__doc__ = text
-    command.__annotations__ = {name: p.annotation for name, p in parameters.items()}
-    command.__dict__["__signature__"] = inspect.Signature([*parameters.values()])
-    return command
+    return _taking(command, parameters)
+
+
+def _taking(run: Callable[P, T], parameters: Mapping[str, inspect.Parameter]) -> Callable[P, T]:
+    """Have Typer see these parameters of a function."""
+    run.__annotations__ = {name: p.annotation for name, p in parameters.items()}
+    run.__dict__["__signature__"] = inspect.Signature([*parameters.values()])
+    return run
 
 
 @documented
@@ -302,12 +307,9 @@ def on_a_model(command: Callable[..., T], *, named: bool = False) -> Callable[..
         arm = arm_from(**{name: given.pop(name) for name in shared if name in given}, **options)
         return command(arm=arm, **given, **deg)
 
-    run.__doc__, run.__module__, run.__name__ = command.__doc__, __name__, command.__name__
-    run.__annotations__ = {name: p.annotation for name, p in parameters.items()}
+    run.__doc__, run.__name__ = command.__doc__, command.__name__
     keyword = inspect.Parameter.KEYWORD_ONLY
-    signature = inspect.Signature([p.replace(kind=keyword) for p in parameters.values()])
-    run.__dict__["__signature__"] = signature
-    return run
+    return _taking(run, {name: p.replace(kind=keyword) for name, p in parameters.items()})
 
 
 def answering(
@@ -334,10 +336,9 @@ def answering(
             answer(arm, found, kind, **{name: given[name] for name in names})
             return found.code
 
-        run.__doc__, run.__module__, run.__name__ = command.__doc__, __name__, command.__name__
+        run.__doc__, run.__name__ = command.__doc__, command.__name__
         added = {name: TOLD[name] for name in names if name not in own}
-        run.__dict__["__signature__"] = inspect.Signature([*(own | added).values()])
-        return on_a_model(run)
+        return on_a_model(_taking(run, own | added))
 
     return decorate
 
@@ -374,16 +375,44 @@ def joint_values(arm: sa.SpaceArm, words: Sequence[str | float], deg: bool) -> A
 
 
 def configuration(
-    arm: sa.SpaceArm, words: Sequence[str | float] | None, attitude: Three | None, deg: bool
+    arm: sa.SpaceArm,
+    words: Sequence[str | float] | None,
+    attitude: Three | None,
+    deg: bool,
+    start: Table | None = None,
 ) -> sa.Configuration:
-    """Return the configuration that joint values and the spacecraft's attitude mean."""
+    """Return the configuration that joint values and the spacecraft's attitude mean.
+
+    Args:
+        arm: The arm.
+        words: Joint positions, the command's arguments, or the file of a saved posture.
+        attitude: Roll, pitch and yaw of the option; None if it is not given.
+        deg: Whether these are in degrees.
+        start: The table `start` of a question, with the arguments of `SpaceArm.at`; its `base` has
+            `xyz` and `rpy`. Joint positions of the command count before its own.
+
+    Raises:
+        ConfigurationError: There are no joint positions, or a value makes no sense.
+
+    Warns:
+        ModelWarning: Joints are outside their limits, or look like degrees.
+    """
     saved = saved_start(words)
-    base, more = place_in(saved), saved.some("wheels", "momentum")
+    given = Table("start", {}) if start is None else start
+    given.knows(*START)
+    values = saved.values | given.values
+    if words or "q" not in values:
+        values["q"] = joint_values(arm, words or [], deg)
+    values["base"] = place_in(given if "base" in given.values else saved)
     if attitude is not None:
-        base.rotation = spacecraft_pose(attitude, deg).rotation
-    cfg = arm.at(joint_values(arm, words or [], deg), base=base, **more)
+        values["base"].rotation = spacecraft_pose(attitude, deg).rotation
+    cfg = arm.at(**values)
     warn_outside(arm, cfg.q)
     return cfg
+
+
+#: Arguments of `SpaceArm.at` that a table `start` has.
+START = ("q", "base", "wheels", "momentum")
 
 
 def saved_start(words: Sequence[str | float] | None) -> Table:
@@ -391,7 +420,7 @@ def saved_start(words: Sequence[str | float] | None) -> Table:
     path = str(words[0]) if words and len(words) == 1 else ""
     text = text_of(path, "the posture") if path.endswith(".toml") else ""
     start = parse(text, path).inner("start") if text else Table(path, {})
-    start.knows("q", "base", "wheels", "momentum")
+    start.knows(*START)
     return start
 
 

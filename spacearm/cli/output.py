@@ -221,7 +221,7 @@ def answer(
         deg: Whether angles are printed in degrees.
         as_json: Whether to print JSON; then a picture is drawn only if `output` names it.
         save: Where the motion goes, unless the command has written it.
-        output: Where the picture goes; else where `picture_path` says.
+        output: Where the picture goes; else by the arm's name in this folder.
         view: Whether to show it in the browser; then a picture is drawn only if `output` names it.
     """
     result, thing = found.result, found.result if found.thing is None else found.thing
@@ -237,7 +237,7 @@ def answer(
     if kind and (output or (found.drawing and not (as_json or view))):
         from spacearm.plots.show import plot  # imports matplotlib
 
-        where = picture_path(output, arm.name, kind)
+        where = output or Path(f"{name_part(arm.name)}_{kind}.png")
         write_picture(where, plot(thing, **found.drawn()))
         written.append(where)
     for path in () if as_json else written:
@@ -281,11 +281,6 @@ def undisturbed() -> Iterator[None]:
             signal.signal(signal.SIGINT, before)
     if came:
         raise KeyboardInterrupt
-
-
-def picture_path(output: Path | None, name: str, kind: str) -> Path:
-    """Return where a picture goes: as --output says, else by the robot's name in this folder."""
-    return output or Path(f"{name_part(name)}_{kind}.png")
 
 
 def write_picture(path: Path, figure: Figure) -> None:

@@ -59,7 +59,7 @@ def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Ca
             save (NPZ): Write the plan; where none is found, the best attempt.
         """
         asked = questions.question(more, *KEYS, *more_keys, mode=mode)
-        start = questions.start_of(arm, asked, q, attitude, deg)
+        start = opt.configuration(arm, q, attitude, deg, asked.inner("start"))
         target = _goal(arm, goal, asked, deg)
         constraints = questions.constraints_of(asked.inner("constraints"))
         around = tuple(questions.obstacle_of(text, deg) for text in obstacle or ())
@@ -191,7 +191,7 @@ def follow_path(
     if path is None:
         raise sa.ConfigurationError("there is no path; give --path FILE, a CSV file")
     asked = questions.question(more, "start", *FOLLOWED, mode=mode)
-    start = questions.start_of(arm, asked, q, attitude, deg)
+    start = opt.configuration(arm, q, attitude, deg, asked.inner("start"))
     times, corners = _corners(arm, path, deg)
     with working("following") as progress:
         found = sa.follow(start, corners, times=times, progress=progress, **asked.some(*FOLLOWED))

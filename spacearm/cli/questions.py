@@ -15,7 +15,6 @@ import spacearm as sa
 from spacearm.cli import options as opt
 from spacearm.errors import require_known
 from spacearm.model.arguments import FLOATING
-from spacearm.model.joints import warn_outside
 from spacearm.motion.controllers import LAWS, Controller
 from spacearm.motion.goal import Goal, goal_of
 from spacearm.sweeps.motion_tables import built, read_laws
@@ -78,48 +77,6 @@ def _value(text: str) -> Any:
         return json.loads(text)
     except (ValueError, RecursionError):
         return text
-
-
-def start_of(
-    arm: sa.SpaceArm,
-    given: Table,
-    q: Sequence[str | float] | None,
-    attitude: opt.Three | None,
-    deg: bool,
-) -> sa.Configuration:
-    """Return the configuration in which a motion starts.
-
-    Args:
-        arm: The arm.
-        given: The question; its table `start` has the arguments of `SpaceArm.at`, `base` with
-            `xyz` and `rpy`.
-        q: Joint positions, the command's arguments; they count before those of the table.
-        attitude: Roll, pitch and yaw of the option; None if it is not given.
-        deg: Whether these are in degrees.
-
-    Raises:
-        ConfigurationError: There are no joint positions, or a value makes no sense.
-
-    Warns:
-        ModelWarning: Joints are outside their limits, or look like degrees.
-    """
-    start = given.inner("start")
-    start.knows("q", "base", "wheels", "momentum")
-    saved = opt.saved_start(q)
-    values, place = saved.values | start.values, start if "base" in start.values else saved
-    if q:
-        values["q"] = opt.joint_values(arm, q, deg)
-    if "q" not in values:
-        raise sa.ConfigurationError(
-            f"there is no start; give {arm.n} joint values after the name of the model: "
-            f"{', '.join(arm.joint_names)}"
-        )
-    values["base"] = opt.place_in(place)
-    if attitude is not None:
-        values["base"].rotation = opt.spacecraft_pose(attitude, deg).rotation
-    cfg = arm.at(values.pop("q"), **values)
-    warn_outside(arm, cfg.q)
-    return cfg
 
 
 def goal_in(arm: sa.SpaceArm, given: Table, key: str) -> Goal | sa.Joints | dict[str, Goal]:

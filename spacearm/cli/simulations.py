@@ -13,7 +13,7 @@ import typer
 import spacearm as sa
 from spacearm.cli import options as opt
 from spacearm.cli.output import Answer, out, print_json, save_phases, say_stopped, working
-from spacearm.cli.questions import With, controller_of, question, start_of
+from spacearm.cli.questions import With, controller_of, question
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.motion.controllers import LAWS, TipLaw
 from spacearm.servo.servo import SLOW, STOP
@@ -54,7 +54,7 @@ def simulate_motion(
         duration: Duration [s]; 60 by default.
     """
     asked = question(more, *OBJECTS, *PLAIN, "phases", mode=mode)
-    start = start_of(arm, asked, q, attitude, deg)
+    start = opt.configuration(arm, q, attitude, deg, asked.inner("start"))
     if "phases" in asked.values:
         given = {"--target": target, "--controller": controller, "--duration": duration,
                  "--mode": mode}  # fmt: skip

@@ -335,19 +335,33 @@ class Loops(NamedTuple):
 def matches(loops: Loops, needed: Rotation) -> tuple[Integers, Integers, Integers]:
     """Match loops with the turns that are needed.
 
-    The distance between the unit quaternions of two attitudes is 2 sin(angle / 4).
-
     Returns:
         The numbers of turns that are needed, the numbers of loops that nearly make them, and how
         many times these have to be run through.
     """
     wound = Rotation.concatenate([Rotation.from_rotvec(k * loops.turn) for k in LOOPS])
-    tree = cKDTree(np.concatenate((wound.as_quat(), -wound.as_quat())))
-    some = np.arange(1, min(WORDS, len(wound)) + 1)
-    chord, word = (np.asarray(x) for x in tree.query(needed.as_quat(), k=some))
-    which, rank = np.nonzero(chord < 2.0 * np.sin(NEAR / 4.0))
-    times, loop = np.divmod(word[which, rank] % len(wound), len(loops.C))
+    which, word, _ = nearest_turns(needed, wound, WORDS, NEAR)
+    times, loop = np.divmod(word, len(loops.C))
     return which, loop, np.array(LOOPS)[times]
+
+
+def nearest_turns(
+    wanted: Rotation, turns: Rotation, count: int, most: float
+) -> tuple[Integers, Integers, Array]:
+    """Match turns with the nearest of others, up to so many each, that differ by less than `most`.
+
+    The distance between the unit quaternions of two attitudes is 2 sin(angle / 4).
+
+    Returns:
+        The numbers of those that are wanted, of the others, and the angles between both [rad].
+    """
+    turned = turns.as_quat()
+    chord, found = cKDTree(np.concatenate((turned, -turned))).query(
+        wanted.as_quat(), k=np.arange(1, count + 1), distance_upper_bound=2.0 * np.sin(most / 4.0)
+    )
+    which, rank = np.nonzero(np.isfinite(chord))
+    chord, found = np.asarray(chord)[which, rank], np.asarray(found)[which, rank]
+    return which, found % len(turned), 4.0 * np.arcsin(0.5 * chord)
 
 
 def angles(R: Array) -> Array:

@@ -180,10 +180,8 @@ class Problem:
                     f"q = {arm.in_words(q[worst])}, and the clearance is "
                     f"{angle(self.target.clearance)}",
                 )
-        over = self._over(q).max(axis=0)
-        if over.max() > 0.0:
-            name = arm.joint_names[int(over.argmax())]
-            raise self._failure("limits", f"joint {name!r} goes {over.max():.2g} beyond its limit")
+        if over := beyond_limits(arm, q, self.target.lower, self.target.upper):
+            raise self._failure("limits", over)
         self._check_turn(rows)
         for i in range(0, max(len(q) - 1, 1), TOGETHER):
             self.account.check_time()
@@ -208,10 +206,6 @@ class Problem:
         """Count what stops a motion, by the words of `account.WAYS`; return the error for it."""
         self.account.ways[cause] += 1
         return NoSolutionError(why, rows)
-
-    def _over(self, q: Array) -> Array:
-        """Return how far joint positions (..., n) are beyond their limits, negative within."""
-        return np.maximum(q - self.target.upper, self.target.lower - q)
 
     def _distances(self, q: Array) -> Array:
         """Return the distances to the singular set (m,), negative on the other side [rad]."""
@@ -267,7 +261,7 @@ class Problem:
         Joint limits and contacts of the arm's own bodies count.
         """
         self.account.check_time()
-        over = self._over(q)
+        over = np.maximum(q - self.target.upper, self.target.lower - q)
         if over.max() > 0.0:
             self.account.ways["limits"] += 1
             return f"joint {self.start.arm.joint_names[int(over.argmax())]!r} reaches its limit"
@@ -307,6 +301,13 @@ def travel(rows: Rows) -> float:
     return float(np.abs(np.diff([cfg.q for cfg in rows], axis=0)).sum())
 
 
+def beyond_limits(arm: SpaceArm, q: Array, lower: Array, upper: Array) -> str:
+    """Say which joint goes farthest beyond limits (n,) at positions (..., n), if one does."""
+    over = np.maximum(q - upper, lower - q).reshape(-1, arm.n).max(axis=0)
+    name = arm.joint_names[int(over.argmax())]
+    return f"joint {name!r} goes {over.max():.2g} beyond its limit" if over.max() > 0.0 else ""
+
+
 def broken_as_flown(found: Plan, request: PlanRequest) -> tuple[str, str] | None:
     """Return what a plan breaks as flown, along the splines through its rows; None for nothing.
 
@@ -326,10 +327,9 @@ def broken_as_flown(found: Plan, request: PlanRequest) -> tuple[str, str] | None
         where = proven.in_words(proof.at)
         asked = angle(found.clearance)
         return "singular", f"of the clearance of {asked}, {much} is proven, up to q = {where}"
-    over = np.maximum(points - arm.upper, arm.lower - points).max(axis=(0, 1))
-    if keep.limits and over.max() > ROUNDING:
-        name = arm.joint_names[int(over.argmax())]
-        return "limits", f"between rows joint {name!r} goes {over.max():.2g} beyond its limit"
+    limits = arm.lower - ROUNDING, arm.upper + ROUNDING
+    if keep.limits and (over := beyond_limits(arm, points, *limits)):
+        return "limits", f"between rows {over}"
     looks = itertools.count()
 
     def look() -> None:

@@ -326,10 +326,6 @@ class Plan(Drifting, kw_only=True):
             "m/s, and only thrusters stop it"
         ]
 
-    def __repr__(self) -> str:
-        way = f"{self.method}: {self.travel}, {self.t[-1]:.4g} s"
-        return f"Plan({self.arm.label}, {way}, {len(self)} rows)"
-
 
 def landed(
     plan: AnyMotion, attitude: Array | None = None, on_the_way: Sequence[int] = ()

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
-import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
 from spacearm.arrays import Array, ArrayLike, within
@@ -16,10 +15,10 @@ from spacearm.mechanics.dynamics import inverse_dynamics, momentum_and_torque
 from spacearm.mechanics.floating import placed
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.motion.motion import Motion
+from spacearm.motion.motion import Motion, carried_along, samples
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.many_curves import FlownRows
-from spacearm.planning.problem import ROUNDING, contact_as_flown
+from spacearm.planning.problem import ROUNDING, beyond_limits, contact_as_flown
 from spacearm.planning.reactions import Wheels, load_of
 from spacearm.planning.result import Plan
 from spacearm.planning.strategies.attitude_held import slowed
@@ -317,13 +316,8 @@ def _timed(motion: AnyMotion, pieces: list[CubicSpline], along: list[CubicSpline
         t.append(before + times)
         ways.append(path(np.clip(s(times), 0.0, path.x[-1])))
     rows = _walked(motion, np.concatenate(t), np.vstack(ways))
-    base = np.array([pin.SE3ToXYZQUAT(cfg.base) for cfg in rows])
-    held: dict[str, Any] = {}
-    if isinstance(motion, Plan):
-        held["momentum"] = np.tile(motion.momentum[0], (len(rows), 1))
-        held["wheels"] = np.zeros((len(rows), len(motion.arm.wheels)))
-    q = np.array([cfg.q for cfg in rows])
-    return replace(motion, t=np.concatenate(t), q=q, base=base, **held)
+    held = carried_along(motion[0], len(rows)) if isinstance(motion, Plan) else {}
+    return replace(motion, t=np.concatenate(t), **samples(rows), **held)
 
 
 def _walked(motion: Motion, t: Array, q: Array) -> list[Configuration]:
@@ -347,14 +341,11 @@ def _broken(before: Motion, timed: Motion) -> str | None:
     """Return what a plan keeps and its timed motion does not, in words; None where all is kept."""
     if not isinstance(before, Plan) or not isinstance(timed, Plan):
         return None
-    arm, points = timed.arm, timed.control_points
-    over, allowed = (
-        np.maximum(way - arm.upper, arm.lower - way).max(axis=(0, 1))
-        for way in (points, before.control_points)
-    )
-    if (over > np.maximum(allowed, 0.0) + ROUNDING).any():
-        name = arm.joint_names[int((over - allowed).argmax())]
-        return f"joint {name!r} goes {over.max():.2g} beyond its limit"
+    arm, points, kept = timed.arm, timed.control_points, before.control_points
+    lower = np.minimum(arm.lower, kept.min(axis=(0, 1))) - ROUNDING
+    upper = np.maximum(arm.upper, kept.max(axis=(0, 1))) + ROUNDING
+    if over := beyond_limits(arm, points, lower, upper):
+        return over
     if (proof := before.certificate) is not None:
         least = min(before.clearance, proof.clearance)
         flown = prove_way(arm, timed.mode, points, least)

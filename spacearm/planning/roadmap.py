@@ -18,11 +18,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array, Integers
-from spacearm.planning.guesses import Guess, GuessFinder, angles, closed
+from spacearm.planning.guesses import LOOPS, Guess, GuessFinder, angles, closed, nearest_turns
 from spacearm.planning.optimiser import Corners
 
 #: Searches for postures at the goal, for each size of the turns to their attitudes [rad].
@@ -40,8 +39,6 @@ LOOKED_AT = np.linspace(0.0, 1.0, 9)[1:-1, None]
 GROWN = 10
 #: Corners of a guess, at least, both ends included.
 FEWEST = 4
-#: Numbers of times that a loop is run through.
-TIMES = (1, 2, 3, 4, 6, 8, 12)
 #: Turns whose rotation vectors round to the same multiples of this count once [rad]; more than the
 #: number of these on each axis.
 CELL, SIDE = 0.15, 64
@@ -105,17 +102,9 @@ class Roadmap:
         loops, rests = self._loops().cheapest(), rests.cheapest()
         target = self.finder.target
         free = target.tip is None and target.attitude is None  # any attitude will do
-        turns = rests.turn.as_quat()
-        found = cKDTree(np.vstack((turns, -turns))).query(
-            loops.turn.as_quat(),
-            k=np.arange(1, MATCHES + 1),
-            distance_upper_bound=4.0 if free else 2.0 * np.sin(GAP / 4.0),
-        )
-        gap, which = (np.asarray(x) for x in found)
-        loop, rank = np.nonzero(np.isfinite(gap))
-        rest = which[loop, rank] % len(turns)
-        missing = 0.0 if free else 4.0 * np.arcsin(0.5 * gap[loop, rank])
-        cost = loops.travel[loop] + rests.travel[rest] + PAID * missing
+        most = 2.0 * np.pi if free else GAP
+        loop, rest, missing = nearest_turns(loops.turn, rests.turn, MATCHES, most)
+        cost = loops.travel[loop] + rests.travel[rest] + (0.0 if free else PAID) * missing
         for i in np.argsort(cost, kind="stable"):
             self.finder.account.check_time()
             times = int(loops.times[loop[i]])
@@ -206,14 +195,14 @@ class Roadmap:
         a, b = np.nonzero(np.isfinite(self._travel + far + far[:, None]))
         turn = self._turned[a] * self._turns(a, b) * self._turned[b].inv()
         travel = far[a] + self._travel[a, b] + far[b]
-        k = np.array(TIMES)[:, None]
+        k = np.array(LOOPS)[:, None]
         wound = (k[:, :, None] * turn.as_rotvec()).reshape(-1, 3)
         loops = np.tile(np.column_stack((a, b)), (len(k), 1))
         return Ways(
             np.vstack(([[self._start] * 2], loops)),
             Rotation.from_rotvec(np.vstack((np.zeros((1, 3)), wound))),
             np.append(0.0, k * travel),
-            np.append(0, np.repeat(TIMES, len(a))),
+            np.append(0, np.repeat(LOOPS, len(a))),
         )
 
     def _rests(self) -> Ways:

@@ -110,16 +110,19 @@ def draw_singular_set(result: SingularSet, ax: Any) -> Any:
     Raises:
         UnsupportedError: The set is empty or the whole joint space.
     """
-    if not result.complete:
-        return _draw_found(result, ax)
-    arm, relevant = result.arm, result.relevant
-    if not relevant or _rootless(result):
+    arm, what = result.arm, "singular set"
+    relevant = result.relevant if result.complete else ()
+    if result.complete and (not relevant or _rootless(result)):
         raise UnsupportedError(
             f"{arm.name}, {result.mode}: no joint decides whether the arm is singular; there is "
             "nothing to draw"
         )
     names = [arm.joint_names[j] for j in relevant]
-    if result.dimension == 2 and len(relevant) == 3:
+    if not result.complete:
+        samples = result.sample(MOST_FOUND, np.random.default_rng(0))
+        axes = _draw_samples(arm, samples, ax)
+        what = f"{len(samples)} singular configurations found"
+    elif result.dimension == 2 and len(relevant) == 3:
         axes = style.axes_for(ax, 6.8, 6.0, spatial=True)
         _draw_surface(axes, result)
         _angle_axes(axes, names)
@@ -128,18 +131,8 @@ def draw_singular_set(result: SingularSet, ax: Any) -> Any:
         _draw_curves(axes, [curve[:, relevant] for curve in result.curves()])
         _angle_axes(axes, names)
     else:
-        samples = result.sample(MOST_SAMPLED, np.random.default_rng(0))
-        axes = _draw_samples(arm, samples, ax)
-    style.entitle(axes, f"{arm.name}, {result.mode}: singular set")
-    return axes
-
-
-def _draw_found(result: SingularSet, ax: Any) -> Any:
-    """Draw what a search finds of a set that is not known exactly."""
-    samples = result.sample(MOST_FOUND, np.random.default_rng(0))
-    axes = _draw_samples(result.arm, samples, ax)
-    found = f"{len(samples)} singular configurations found"
-    style.entitle(axes, f"{result.arm.name}, {result.mode}: {found}")
+        axes = _draw_samples(arm, result.sample(MOST_SAMPLED, np.random.default_rng(0)), ax)
+    style.entitle(axes, f"{arm.name}, {result.mode}: {what}")
     return axes
 
 

@@ -106,7 +106,7 @@ def test_every_law_as_json(tmp_path, words):
         (("0.1", "0.2", "--target", "1", "1", "--with", "controller.kp=[1,2,3]"), "kp"),
         (("0.1", "0.2", "--target", "1", "1", "--with", "stop=crash"), "'crash'"),
         (("0.1", "0.2", "--target", "1", "1", "--output", "a.gif"), "'.gif'"),
-        (("--target", "1", "1"), "there is no start"),
+        (("--target", "1", "1"), "0 joint values given"),
         (("0.1", "0.2"), "there is no target"),
         (("0.1", "0.2", "--with", "no.toml"), "no.toml cannot be read"),
         (("0.1", "0.2", "--target", "1", "1", "--with", "phases=[{}]"), "phases and --target"),
