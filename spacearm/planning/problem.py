@@ -284,6 +284,26 @@ class Problem:
         rng = self.rng if self.account.rounds else np.random.default_rng(seed)
         return GuessFinder(start, target, WAVES, rng, self.account, self.collisions)
 
+    def plan(self, method: str, rows: Rows, request: PlanRequest, **timing: Array) -> Plan:
+        """Return the plan that passes rows, seen from the system CM, which are not checked.
+
+        Args:
+            method: The method that found the rows.
+            rows: The rows.
+            request: What is asked: this problem's, or with the momentum that it leaves out.
+            **timing: Times, what the wheels hold, and the joint rates at the end, as `Plan` has
+                them; from rest to rest if there are none.
+        """
+        return Plan.of_rows(
+            method,
+            rows,
+            self.rates,
+            momentum=request.start.momentum,
+            clearance=self.target.clearance,
+            obstacles=request.obstacles,
+            **timing,
+        )
+
     def arrived(self, found: Plan, failed: Iterable[Attempt]) -> Plan:
         """Return a plan that has passed `check`, with what that covers and what failed before.
 

@@ -66,13 +66,7 @@ def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]
     attempts = Attempts(account)
     for name in attempts.each(_in_rounds(methods, asked, account)):
         with attempts.at(name):
-            found = Plan.of_rows(
-                name,
-                methods[name](problem),
-                problem.rates,
-                clearance=problem.target.clearance,
-                obstacles=problem.request.obstacles,
-            )
+            found = problem.plan(name, methods[name](problem), problem.request)
             wanted = problem.target.attitude if problem.target.tip is None else None
             found = paced(landed(found, wanted), problem.rates)
             problem.check([*found])

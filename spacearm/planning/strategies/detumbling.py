@@ -24,7 +24,7 @@ from spacearm.planning.problem import Problem
 from spacearm.planning.reactions import Wheels
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
-from spacearm.planning.strategies.drift import ramp_ends, timed
+from spacearm.planning.strategies.drift import ramp_ends
 from spacearm.planning.strategies.rest_motion import WAVES, Bounds, Landing, RestMotion
 from spacearm.planning.timing import PEAK, corners
 
@@ -181,7 +181,7 @@ class Detumbling:
         """
         u, rows = landing.rows(motion)
         t, wheels = motion.duration * u, motion.at(u)[:, self.start.arm.n :]
-        found = timed(self.request, problem, METHOD, rows, t, wheels, np.zeros(len(problem.rates)))
+        found = problem.plan(METHOD, rows, self.request, t=t, wheels=wheels)
         self.best = found = landed(replace(found, wheel_load=landing.bounds.load(motion)))
         problem.check([*found])
         return problem.arrived(found, self.attempts.failed)

@@ -32,7 +32,7 @@ from spacearm.motion.goal import goal_axes, goal_rows
 from spacearm.planning.account import Attempts, SearchAccount
 from spacearm.planning.many_curves import drifting_attitudes, inverse_kinematics, spacecraft_turns
 from spacearm.planning.optimiser import ARRIVED, Target
-from spacearm.planning.problem import Problem, Rows, contact_as_flown
+from spacearm.planning.problem import Problem, contact_as_flown
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.at_rest import at_rest
@@ -219,7 +219,8 @@ class Drift:
             t, Q = denser, np.column_stack([np.interp(denser, t, q) for q in Q.T])
         rows, rates = Arrival(self.start, problem.target, t, swung).bent(Q)
         wheels = np.tile(self.start.wheels, (len(t), 1))
-        found = timed(self.request, problem, self.attempts.method, rows, t, wheels, rates)
+        at = {"t": t, "wheels": wheels, "final_rates": rates}
+        found = problem.plan(self.attempts.method, rows, self.request, **at)
         self.best = found = landed(found)
         problem.check([*found])
         steps = np.vstack((np.diff(found.q, axis=0) / np.diff(t)[:, None], rates))
@@ -246,39 +247,6 @@ def _rows(plan: Plan, lasts: float, spin: float) -> tuple[Array, Array]:
     at = np.concatenate([*(i + np.arange(k) / k for i, k in enumerate(parts)), [len(parts)]])
     rows = np.arange(len(t))
     return np.interp(at, rows, t), np.column_stack([np.interp(at, rows, q) for q in plan.q.T])
-
-
-def timed(
-    request: PlanRequest,
-    problem: Problem,
-    method: str,
-    rows: Rows,
-    t: Array,
-    wheels: Array,
-    final_rates: Array,
-) -> Plan:
-    """Return the plan that passes rows, seen from the system CM, at times t (m,) [s].
-
-    Args:
-        request: What is asked, with the momentum.
-        problem: The problem that it poses, seen from the system CM.
-        method: The method that found the rows.
-        rows: The rows, which are not checked.
-        t: (m,) their times [s].
-        wheels: (m, w) what the wheels hold there [N m s].
-        final_rates: (n,) joint rates at the end [rad/s] or [m/s].
-    """
-    return Plan.of_rows(
-        method,
-        rows,
-        problem.rates,
-        t=t,
-        momentum=request.start.momentum,
-        wheels=wheels,
-        clearance=problem.target.clearance,
-        obstacles=request.obstacles,
-        final_rates=final_rates,
-    )
 
 
 def twist_of(cfg: Configuration, dq: Array) -> Array:
