@@ -288,7 +288,8 @@ def draw_velocities(axes: Any, cfg: Configuration) -> None:
             f"{cfg.arm.name}: tip velocities are drawn for the task "
             f"'{' '.join('xyz'[i] for i in rows)}', not {cfg.arm.task.names!r}; use sa.view"
         )
-    report, tip = singularity(cfg), _flat(cfg, cfg.tip.translation)
+    report = singularity(cfg)
+    tip, com = (x[list(rows)] for x in (cfg.tip.translation, cfg.com))
     sides, sigma, _ = np.linalg.svd(report.jacobian)
     turn = np.linspace(0.0, 2.0 * np.pi, 200)
     circle = np.array([np.cos(turn), np.sin(turn)])
@@ -297,7 +298,7 @@ def draw_velocities(axes: Any, cfg: Configuration) -> None:
         for sign in (1.0, -1.0):
             arrow = {"arrowstyle": "-|>", "color": style.RED, "lw": 2.5}
             axes.annotate("", tip + sign * 0.8 * lost, tip, arrowprops=arrow)
-        away = np.sign(lost @ (tip - _flat(cfg, cfg.com))) * lost
+        away = np.sign(lost @ (tip - com)) * lost
         style.annotate(axes, "no motion\nthis way", tip + 0.85 * away, style.RED, towards=away)
 
 
@@ -308,8 +309,3 @@ def _rows(cfg: Configuration) -> tuple[int, int]:
         raise UnsupportedError(f"{cfg.arm.name} does not move in a plane; use sa.view")
     first, second = (i for i in range(3) if i != normal)
     return first, second
-
-
-def _flat(cfg: Configuration, vector: Array) -> Array:
-    """Return the (2,) components of a vector in the plane."""
-    return vector[list(_rows(cfg))]

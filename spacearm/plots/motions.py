@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import cycle
 from typing import Any
 
@@ -155,9 +154,7 @@ def _draw_path(
     singular = _at_times(next(iter(paths.values())), motion)
     for cfg, alpha in zip(_snapshots(motion, along), FADES, strict=False):
         draw_posture(axes, cfg, label=False, alpha=alpha)
-    draw_obstacles(
-        axes, getattr(motion, "obstacles", ()), along, (motion.t[0], motion.t[-1]), normal
-    )
+    _draw_obstacles(axes, motion, along, tuple(i for i in range(3) if i != normal))
     if normal is not None:
         paths = {name: np.delete(x, normal, axis=1) for name, x in paths.items()}
         singular = np.delete(singular, normal, axis=1)
@@ -266,29 +263,13 @@ def _legend(axes: Any) -> None:
 OPACITY = 0.35
 
 
-def draw_obstacles(
-    axes: Any,
-    obstacles: Sequence[Obstacle],
-    along: Array,
-    times: Sequence[float],
-    normal: int | None,
-) -> None:
-    """Draw obstacles at some times, faint before the last one.
-
-    Args:
-        axes: Matplotlib axes.
-        obstacles: The obstacles.
-        along: (3, 3) the axes of the picture, columns in inertial axes.
-        times: The times [s]; of obstacles at rest the last one only.
-        normal: Which of these axes is left out in a flat picture; None for one in space.
-    """
-    rows = tuple(i for i in range(3) if i != normal)
-    for obstacle in obstacles:
-        for t in times if obstacle.moves else times[-1:]:
-            last = t == times[-1]
-            solids = _solids_of(obstacle, float(t), along)
-            opacity = OPACITY if last else 0.3 * OPACITY
-            draw_solids(axes, solids, rows, opacity, obstacle.name if last else None)
+def _draw_obstacles(axes: Any, motion: Motion, along: Array, rows: tuple[int, ...]) -> None:
+    """Draw the obstacles of a motion, if it has any, at its end and faint at its start."""
+    begin, end = motion.t[[0, -1]].tolist()
+    for obstacle in getattr(motion, "obstacles", ()):
+        if obstacle.moves:
+            draw_solids(axes, _solids_of(obstacle, begin, along), rows, 0.3 * OPACITY)
+        draw_solids(axes, _solids_of(obstacle, end, along), rows, OPACITY, obstacle.name)
 
 
 def _solids_of(obstacle: Obstacle, t: float, along: Array) -> list[tuple[Array, str]]:
