@@ -292,6 +292,12 @@ def test_mistakes_are_named(make, names):
         make()
 
 
+def test_a_body_without_mass_is_told_what_it_lacks(tmp_path):
+    (file := tmp_path / "frame.urdf").write_text('<robot name="frame"><link name="hull"/></robot>')
+    with pytest.raises(sa.ModelError, match=r"'hull' has no mass; give it a mass and an inertia$"):
+        sa.Target(file)
+
+
 def test_a_body_with_joints_is_no_target():
     """The error names joints and the remedy."""
     with pytest.raises(sa.ModelError, match=r"joints that move.*Obstacle\.robot"):

@@ -72,6 +72,8 @@ def _require_masses(source: Source, tree: Tree) -> None:
     """Refuse a spacecraft without mass, and a robot of which nothing that moves has mass."""
     masses = {leader: body.mass for leader, body in tree.bodies.items()}
     if source.reading.spacecraft and masses[tree.root] == 0.0:
+        if not tree.freedoms and source.reading.rigid:
+            source.fail(f"the root link {tree.root!r} has no mass", "give it a mass and an inertia")
         if not tree.freedoms:
             source.fail(
                 f"the root link {tree.root!r} has no mass, and no joint can move",
