@@ -189,7 +189,7 @@ class SingularityReport(Result):
         outside = self.configuration.outside_limits
         more = f", {k - self.rank} of {k} directions lost" if self.rank < k else ""
         more += f"; outside its limits: {listed(outside)}" if outside else ""
-        notes = [IN_WORDS, payload_note(arm, self.mode)]
+        notes = [] if self.impossible else [IN_WORDS, payload_note(arm, self.mode)]
         if self.way_out:
             notes.insert(0, f"To get away, per degree: {self.way_out}")
         tables = [self._posture(), Table.facts(self._facts(), "Tip"), self._directions()]
@@ -212,7 +212,7 @@ class SingularityReport(Result):
         columns: dict[Column | str, Sequence[Cell]] = {
             "joint": cfg.arm.joint_names, "q": joint_measures(cfg.q, slides)
         }  # fmt: skip
-        if self.nearest is not None:
+        if self.nearest is not None and not self.impossible:
             columns["nearest singular"] = joint_measures(self.nearest, slides)
         slope = Column("dsigma_min/dq", f"{cfg.arm.sigma_unit} per {joint}", ".4g")
         columns[slope] = list(without_noise(self.gradient))

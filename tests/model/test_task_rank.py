@@ -116,6 +116,7 @@ def test_the_verdict_names_rows_and_remedy():
     arm = load_text(PLANAR, task="position")
     report = sa.singularity(arm.at([0.3, 0.4, 0.5]), exact=True)
     assert report.verdict == arm.notes[-1] == report.impossible
+    assert "singular set" not in " ".join(report.describe().notes)  # all postures are singular
     assert "row z never moves; task='x y' would do" in report.verdict
     assert report.to_dict()["impossible"] == readout(report)["impossible"] == report.impossible
     assert report.distance == 0.0
