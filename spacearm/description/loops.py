@@ -77,9 +77,7 @@ def closed_chain(tree: Tree, path: object = "") -> ClosedChain | None:
     while reached := [loop for loop in left if {_node(tree, e) for e in loop[1:3]} & known.keys()]:
         for loop in reached:
             left.remove(loop)
-            for end, other, step in (
-                (loop.link, loop.other, loop.pose), (loop.other, loop.link, loop.pose.inverse())
-            ):  # fmt: skip
+            for _, end, other, step, _ in (loop, loop.turned()):
                 if _node(tree, end) in known and _node(tree, other) not in known:
                     place = known[_node(tree, end)] * _start(tree, end).inverse() * step
                     known[_node(tree, other)] = place * _start(tree, other)

@@ -192,13 +192,10 @@ class Shape(NamedTuple):
             if not isinstance(self.geometry, Mesh) or self.geometry.file is None:
                 points = self.points()
                 return faces(points) if len(points) else np.zeros((0, 3, 3))
-            mesh = read_mesh(self.geometry.file)
+            mesh = scaled_mesh(self.geometry.file, self.geometry.scale)
         except ModelError as error:
             warn(f"{error}: not drawn")
             return np.zeros((0, 3, 3))
-        mesh.vertices = np.asarray(mesh.vertices) * self.geometry.scale
-        if np.prod(self.geometry.scale) < 0.0:
-            mesh.invert()
         size, coarse = float(np.ptp(mesh.bounds, axis=0).max()), mesh
         for cells in CELLS:
             if len(coarse.faces) > MANY_TRIANGLES:
@@ -394,6 +391,18 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
             return _mesh(path)
     except Exception as error:  # whatever a reader makes of a broken file
         raise ModelError(f"mesh {path.name!r} cannot be read ({error})") from None
+
+
+def scaled_mesh(path: Path, scale: tuple[float, ...]) -> trimesh.Trimesh:
+    """Read a mesh file, enlarged by factors along x, y, z, as `read_mesh`.
+
+    Its triangles turn counterclockwise, seen from outside, those of a mirrored one too.
+    """
+    mesh = read_mesh(path)
+    mesh.vertices = np.asarray(mesh.vertices) * scale
+    if np.prod(scale) < 0.0:
+        mesh.invert()
+    return mesh
 
 
 @contextmanager

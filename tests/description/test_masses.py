@@ -274,6 +274,21 @@ def test_density_of_meshes(open_mesh, tmp_path):
     assert np.allclose(body.inertia, np.diag([0.13, 0.10, 0.05]) / 2, rtol=1e-5)
 
 
+def test_a_mirrored_mesh_weighs_as_much_as_its_image(tmp_path):
+    """A negative scale turns its triangles inside out; it is as solid as before, not a hull."""
+    import trimesh
+
+    trimesh.creation.annulus(0.05, 0.1, 0.2).export(tmp_path / "tube.stl")
+    masses = []
+    for scale in ("1 1 1", "-1 1 1"):
+        path = tmp_path / "robot.urdf"
+        path.write_text(robot(BUS, shaped(f'<mesh filename="tube.stl" scale="{scale}"/>'), ELBOW))
+        with pytest.warns(sa.ModelWarning, match="gives mass"):
+            masses.append(sa.load(path, density=1000).model.inertias[2].mass)
+    assert masses[1] == pytest.approx(masses[0], rel=1e-6)
+    assert masses[0] == pytest.approx(1000.0 * np.pi * 0.2 * (0.1**2 - 0.05**2), rel=0.02)
+
+
 def test_a_mass_of_next_to_nothing_is_none():
     tool = link("tool", 4.2e-15), joint("mounted", "arm", "tool", kind="fixed")
     with pytest.warns(sa.ModelWarning, match=r"'tool' \(line 6\) is 4.2e-15 kg: taken as massless"):

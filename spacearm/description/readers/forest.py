@@ -219,15 +219,14 @@ class Forest:
                 root = other
                 while root in into:
                     root = into[root]
-                body = replace(self.tree(root, root), loops=())
-                if body.freedoms or (cargo and cargo.root != root):
+                body, holds = self.tree(root, root), f"{name!r} holds {root!r}"
+                if body.freedoms:
                     source.fail(
-                        f"{name!r} holds {root!r}, "
-                        + ("whose joints move" if body.freedoms else "and others another body"),
-                        "fix its joints, or lead them from the hands to it, not from it"
-                        if body.freedoms
-                        else "keep one of them",
+                        f"{holds}, whose joints move",
+                        "fix its joints, or lead them from the hands to it, not from it",
                     )
+                if cargo and cargo.root != root:
+                    source.fail(f"{holds}, and others another body", "keep one of them")
                 cargo, step, other = body, step * body.frames[other].inverse(), root
             found.append(loop._replace(other=other, pose=step))
         return replace(tree, loops=tuple(found), cargo=cargo)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -300,10 +301,9 @@ def _solid_of(geometry: shapes.Geometry) -> pin.Inertia | None:
             return _of_primitive(coal.Cylinder(radius, length))
         case shapes.Mesh(_, Path() as file, scale):
             try:
-                mesh = shapes.read_mesh(file)
+                mesh = shapes.scaled_mesh(file, scale)
             except ModelError:
                 return None
-            mesh.vertices = np.asarray(mesh.vertices) * scale
             solid = mesh if mesh.is_volume else mesh.convex_hull  # of one that is not closed
             centre, moments = np.array(solid.center_mass), np.array(solid.moment_inertia)
             return pin.Inertia(float(solid.volume), centre, moments)
@@ -313,11 +313,9 @@ def _solid_of(geometry: shapes.Geometry) -> pin.Inertia | None:
 def _is_open(shape: shapes.Shape) -> bool:
     """Whether a shape is a mesh without an inside, for which its convex hull stands."""
     match shape.geometry:
-        case shapes.Mesh(_, Path() as file):
-            try:
-                return not shapes.read_mesh(file).is_volume
-            except ModelError:
-                return False
+        case shapes.Mesh(_, Path() as file, scale):
+            with suppress(ModelError):
+                return not shapes.scaled_mesh(file, scale).is_volume
     return False
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 
 from lxml import etree
@@ -91,10 +92,8 @@ class Packages:
     @cached_property
     def around(self) -> list[Path]:
         """The folder of the file and those above it, up to the root of its repository."""
-        folders: dict[Path, None] = {}
-        for file in (self._file.absolute(), self._file.resolve()):
-            folders.update(dict.fromkeys(_above(file)))
-        return list(folders)
+        files = self._file.absolute(), self._file.resolve()
+        return list(dict.fromkeys(folder for file in files for folder in _above(file)))
 
     def _index(self, place: Path) -> dict[str, Path]:
         """Return the packages below a folder by name, the nearest of each name."""
@@ -127,18 +126,11 @@ def _is_top(folder: Path) -> bool:
 
 def _below(place: Path) -> Iterator[Path]:
     """Yield a folder and those below it, breadth first."""
-    level = [place]
-    count = 0
-    for depth in range(DEPTH + 1):
-        deeper: list[Path] = []
-        for folder in level:
-            count += 1
-            if count > MOST_FOLDERS:
-                return
-            yield folder
-            if depth < DEPTH:
-                deeper += _folders_in(folder)
-        level = deeper
+    waiting = [(place, DEPTH)]
+    for folder, deeper in islice(waiting, MOST_FOLDERS):
+        yield folder
+        if deeper:
+            waiting += [(inner, deeper - 1) for inner in _folders_in(folder)]
 
 
 def _folders_in(folder: Path) -> list[Path]:
