@@ -134,7 +134,7 @@ def cover_by_boxes(
 def _uncertain(arm: sa.SpaceArm, texts: list[str]) -> sa.UncertainArm:
     """Return the arm whose links have the spreads LINK[:KIND]=SPREAD."""
     spread: dict[str, dict[str, Any]] = {}
-    for what, value in opt.pairs("--uncertain", texts, "LINK[:KIND]=SPREAD"):
+    for what, value in opt.pairs("--uncertain", texts, "LINK[:KIND]=SPREAD").items():
         link, _, kind = what.partition(":")
         bounds = opt.numbers(f"--uncertain {what}=SPREAD: SPREAD", value).tolist()
         spread.setdefault(link, {})[kind or "mass"] = bounds if len(bounds) > 1 else bounds[0]

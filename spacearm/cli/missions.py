@@ -95,12 +95,13 @@ def find_catch(
             several tips that grasp at the same time, once for each tip.
         fly: Simulate the catch, from the approach to rest; --save gives each phase a file.
     """
-    by_tip = _by_tip("--grapple", grapple or [])
+    one = grapple[0] if grapple and grapple[1:] == [] and "=" not in grapple[0] else None
+    form = "one frame, or TIP=FRAME once for each tip"
+    by_tip = {} if one else opt.pairs("--grapple", grapple, form)
     if by_tip and set(arm.tips) != set(by_tip):
         arm = arm.replace(tip=list(by_tip))
     told = ("grapple", "approach", "closing", "touching", "bears", "wanted", "mode")
-    frames = by_tip or (grapple[0] if grapple else None)
-    asked = question(more, "start", "constraints", "search", *told, grapple=frames)
+    asked = question(more, "start", "constraints", "search", *told, grapple=one or by_tip or None)
     start = opt.configuration(arm, q, attitude, deg, asked.inner("start"))
     early, late = opt.numbers("--window", window, 2).tolist()
     with working("trying contacts", searches=True) as progress:
@@ -117,23 +118,6 @@ def find_catch(
     with working("simulating") as progress:
         flight = found.fly(progress=progress)
     return Answer(flight, written=save_phases(flight, save))
-
-
-def _by_tip(option: str, given: list[str]) -> dict[str, str]:
-    """Return the frames of several tips; none where one frame is given without a tip.
-
-    Raises:
-        ConfigurationError: Several are given, and not each for a tip of its own.
-    """
-    parts = [text.partition("=") for text in given]
-    if len(parts) == 1 and not parts[0][1]:
-        return {}
-    frames = {tip: frame for tip, _, frame in parts}
-    if len(frames) < len(parts) or not all(frames.values()):
-        raise sa.ConfigurationError(
-            f"{option} is {', '.join(given)}; give one frame, or TIP=FRAME once for each tip"
-        )
-    return frames
 
 
 @opt.answering("held", "view")
@@ -168,7 +152,7 @@ def hold_target(
         fixed: Keep the target where it is; if the fixed world is held, keep the spacecraft.
         save (TOML): Write the posture; commands take the file in place of joint values.
     """
-    given = {tip: frame for tip, _, frame in (text.partition("=") for text in grasp or [])}
+    given = opt.pairs("--grasp", grasp, "TIP=FRAME or TIP=X,Y,Z[,R,P,Y], once for each tip")
     if given and set(arm.tips) != set(given):
         arm = arm.replace(tip=list(given))
     asked = question(more, "start", "limits", "seed", "exact", "regrasp")

@@ -156,8 +156,8 @@ def read_by(
         up_axes: Turn meshes so that the up axis that their COLLADA file states is z; RViz and
             Gazebo do not. The file that is written needs it no more.
     """
-    named = dict(pairs("--arg", arg, "NAME:=VALUE", ":="))
-    return {"check": check, "xacro_args": named, "density": density, "up_axes": up_axes}
+    given = pairs("--arg", arg, "NAME:=VALUE", ":=")
+    return {"check": check, "xacro_args": given, "density": density, "up_axes": up_axes}
 
 
 @documented
@@ -343,20 +343,22 @@ def answering(
     return decorate
 
 
-def pairs(
-    option: str, texts: list[str] | None, form: str, sign: str = "="
-) -> list[tuple[str, str]]:
+def pairs(option: str, texts: list[str] | None, form: str, sign: str = "=") -> dict[str, str]:
     """Part names and values, as often as given, of a form such as JOINT=VALUE."""
-    parts = [text.rpartition(sign) for text in texts or []]
-    for (name, _, _), text in zip(parts, texts or [], strict=True):
-        if not name:
-            raise sa.ConfigurationError(f"{option} {text!r}: give {form}")
-    return [(name, value) for name, _, value in parts]
+    found: dict[str, str] = {}
+    for text in texts or []:
+        name, _, value = text.rpartition(sign)
+        if not name or name in found:
+            twice = f"{name} is given twice; " if name else ""
+            raise sa.ConfigurationError(f"{option} {text!r}: {twice}give {form}")
+        found[name] = value
+    return found
 
 
 def assignments(option: str, texts: list[str] | None) -> dict[str, float]:
     """Parse JOINT=VALUE, as often as given."""
-    return {name: _number(value) for name, value in pairs(option, texts, "JOINT=VALUE")}
+    given = pairs(option, texts, "JOINT=VALUE, once for each joint")
+    return {name: _number(value) for name, value in given.items()}
 
 
 def joint_values(arm: sa.SpaceArm, words: Sequence[str | float], deg: bool) -> Array:

@@ -111,14 +111,9 @@ def _goal(
         return questions.goal_in(arm, asked, "goal")
     if len(texts) == 1 and "=" not in texts[0]:
         return opt.goal_from(arm, "--goal", texts[0], deg)
-    pairs = [text.partition("=") for text in texts]
-    for name, _, values in pairs:
-        if name not in arm.tips or not values:
-            raise sa.ConfigurationError(
-                f"--goal {name!r}: give one goal, or NAME=X1,X2,... for each of the tips "
-                f"{listed(arm.tips)} (--tip NAME,NAME)"
-            )
-    return {name: opt.goal_from(arm, f"--goal {name}", values, deg) for name, _, values in pairs}
+    form = f"one goal, or NAME=X1,X2,... for each of the tips {listed(arm.tips)} (--tip NAME,NAME)"
+    goals = opt.pairs("--goal", texts, form)
+    return {name: opt.goal_from(arm, f"--goal {name}", text, deg) for name, text in goals.items()}
 
 
 def _options(arm: sa.SpaceArm, asked: Table) -> dict[str, Any]:

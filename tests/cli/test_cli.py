@@ -142,6 +142,7 @@ def test_help_and_version():
         (("query", "planar2", "1", "2", "--attitude", "1"), "--attitude"),
         (("query", "planar2", "1", "2", "--attitude", "1", "nan", "0"), "3 finite numbers"),
         (("query", "planar2", "1", "--lock", "joint_2"), "give JOINT=VALUE"),
+        (("query", "planar2", *["--lock", "joint_2=1"] * 2), "'joint_2=1': joint_2 is given twice"),
         (("query", "planar2", "1", "--lock", "joint=1"), "--lock: unknown movable joint"),
         (("query", "planar2", "1", "--wheel", "joint"), "--wheel: unknown turning joint"),
         (("query", "planar2", "1", "2", "--mode", "free"), "free"),
