@@ -208,7 +208,7 @@ def arm_from(
         options["task"] = sa.Task(rows, scale)
     tips: Any = tip.split(",") if tip and "," in tip else tip
     if tip and "=" in tip:
-        tips = dict(pair.split("=", 1) for pair in tip.split(",") if "=" in pair)
+        tips = pairs("--tip", tip.split(","), "LINK=LINK, once for each pair")
     if carrier is None and name is not None:
         raise sa.ConfigurationError(
             f"--name {name}: give the bus that the arm is mounted on: --bus KG"
