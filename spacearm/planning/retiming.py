@@ -228,8 +228,7 @@ def _wheels(motion: Motion, hold: WheelHold | None) -> Wheels | None:
         ConfigurationError: Limits are given and no wheels hold the attitude.
         NoSolutionError: A wheel is full at the start.
     """
-    held = isinstance(motion, Plan) and motion.wheel_load and motion.mode != "free-floating"
-    if not isinstance(motion, Plan) or not held:
+    if not isinstance(motion, Plan) or not motion.wheel_load or motion.mode == "free-floating":
         if hold is not None:
             raise ConfigurationError(
                 "wheels have limits, and none hold the attitude of this motion"
