@@ -116,7 +116,7 @@ def test_the_hole_of_a_catalogue_arm():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("seed", "n"), [(2, 3), (5, 4), (8, 6), (12, 6), (0, 7), (3, 7)])
+@pytest.mark.parametrize(("seed", "n"), [(2, 3), (8, 6), (0, 7)])
 def test_the_bounds_are_next_to_what_spatial_arms_reach(seed, n):
     arm = load_text(random_chain(seed, n, ("revolute",)), tip="tip")
     for box in (torus(arm), some_box(arm, seed)):

@@ -34,7 +34,7 @@ def test_branches_and_redundant_arms(name):
 
 
 @pytest.mark.slow
-@settings(max_examples=5)
+@settings(max_examples=3)
 @given(seeds)
 def test_the_bound_is_next_to_what_random_arms_reach(seed):
     arm = load_text(random_chain(seed, 3 + seed % 5, ("revolute",)), tip="tip")

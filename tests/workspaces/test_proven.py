@@ -58,7 +58,6 @@ def test_shells_of_spatial_arms_are_certified(name):
     [
         ("mda6", "free-floating"),
         ("mda6", "attitude-controlled"),
-        ("chaser7", "free-floating"),
         ("tecsas", "free-floating"),
         ("ets7", "fixed"),
     ],

@@ -172,7 +172,7 @@ def random_planar(seed):
 
 
 @pytest.mark.slow
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(seeds)
 def test_no_singular_configuration_outside_certified_shells(seed):
     arm = random_planar(seed)
@@ -286,7 +286,7 @@ def test_short_pieces_within_the_limits_are_not_missed():
 
 @pytest.mark.slow
 @given(seeds)
-@settings(max_examples=20)
+@settings(max_examples=10)
 def test_no_singular_configuration_outside_certified_shells_within_limits(seed):
     rng = np.random.default_rng(seed)
     low = rng.uniform(-3.0, 2.0, 2)
