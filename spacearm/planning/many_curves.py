@@ -267,7 +267,7 @@ class FlownRows:
 
     def attitudes_from(self, T: Array, times: Array) -> Array:
         """Return the attitudes (k, 3, 3) at times (k,) by a step from each to the next, T first."""
-        arm, h, q = self.start.arm, self.start.momentum[3:], self._spline
+        arm, h, q = self.start.arm, self.start.momentum[3:], self.spline
         begin, length = times[:-1], np.diff(times)
         if not h.any() and not self.wheels.any():
             at = begin[:, None] + GAUSS * length[:, None]
@@ -275,7 +275,7 @@ class FlownRows:
             return np.asarray(T @ np.concatenate((np.eye(3)[None], turns)))
         halves = np.append(np.column_stack((begin, begin + 0.5 * length)).ravel(), times[-1])
         held = np.tile(self.start.base.rotation.T @ self.start.stored[3:], (len(halves), 1))
-        if (spins := self._spins) is not None:
+        if (spins := self.spins) is not None:
             held = spins(halves) @ self._axes.T
         found = steered_attitudes(arm, T, times, q(halves)[None], q(halves, 1)[None], h, held[None])
         return np.asarray(found[0])
@@ -283,18 +283,20 @@ class FlownRows:
     @property
     def turning(self) -> float:
         """What turns the spacecraft besides the joints at most, T^T h - s [N m s]."""
-        stored, spins = self.start.stored[None, 3:], self._spins
+        stored, spins = self.start.stored[None, 3:], self.spins
         if spins is not None:
             stored = spins.c @ self._axes.T  # its control points
         h = float(np.linalg.norm(self.start.momentum[3:]))
         return h + float(np.linalg.norm(stored, axis=1).max())
 
     @cached_property
-    def _spline(self) -> PPoly:
+    def spline(self) -> PPoly:
+        """Joint positions (n,) over time."""
         return flown_spline(self.t, self.q, self.final_rates)
 
     @cached_property
-    def _spins(self) -> BSpline | None:
+    def spins(self) -> BSpline | None:
+        """What the wheels hold (w,) over time [N m s]; None where that does not change."""
         return smooth(self.t, self.wheels) if np.ptp(self.wheels, axis=0).any() else None
 
     @property
@@ -353,7 +355,7 @@ class FlownRows:
         start and stop between two rows.
         """
         dt = np.diff(self.t)
-        uneven = np.abs(self._spline.c[0]).max(axis=1) * dt**5 / (36.0 * EVEN)
+        uneven = np.abs(self.spline.c[0]).max(axis=1) * dt**5 / (36.0 * EVEN)
         spin = np.linalg.norm(np.linalg.solve(self.start.A[3:, 3:6], self.start.momentum[3:]))
         turned = np.maximum(np.abs(np.diff(self.q, axis=0)).max(axis=1), spin * dt)
         least = np.maximum(turned / FINE, dt / self.t[-1] * FEWEST)

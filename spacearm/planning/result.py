@@ -140,14 +140,12 @@ class Plan(Drifting, kw_only=True):
     @cached_property
     def spline(self) -> PPoly:
         """Joint positions (n,) over time as flown: quintic through the rows, at rest at corners."""
-        return timing.flown_spline(self.t, self.q, self.final_rates)
+        return self._flown.spline
 
     @cached_property
     def wheel_spline(self) -> BSpline | None:
         """What wheels hold (w,) over time [N m s], where a floating spacecraft is detumbled."""
-        if self.mode != FLOATING or not self.wheels.size or not np.ptp(self.wheels, axis=0).any():
-            return None
-        return timing.smooth(self.t, self.wheels)
+        return self._flown.spins if self.mode == FLOATING else None
 
     def _rates(self, order: int) -> Array:
         """Return the derivatives (m, n) of the joint positions."""

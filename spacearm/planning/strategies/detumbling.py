@@ -236,17 +236,14 @@ def _at_attitude(wheels: Wheels, h: Array, capacity: Array, torque: Array) -> fl
             f"across the axes of the wheels {listed(wheels.names)}, which cannot hold it; leave "
             "final_attitude open, give one that turns their axes to the momentum, or add wheels"
         )
-    w, axes = len(held), wheels.axes
-    U, sigma, Vt = np.linalg.svd(axes)
-    rank = int((sigma > SPANNED * sigma[0]).sum())
-    rows = sigma[:rank, None] * Vt[:rank]  # without those that are zero
+    w = len(held)
     within = np.vstack((np.eye(w), -np.eye(w)))
     found = linprog(
         np.append(np.zeros(w), 1.0),
         A_ub=np.column_stack((within, -np.tile(torque, 2))),
         b_ub=np.concatenate((wheels.start, -wheels.start)),
-        A_eq=np.column_stack((rows, np.zeros(rank))),
-        b_eq=U.T[:rank] @ h,
+        A_eq=np.column_stack((wheels.axes, np.zeros(3))),
+        b_eq=wheels.axes @ held,  # h without its rounding across the axes
         bounds=[*zip(-capacity, capacity, strict=True), (0.0, None)],
     )
     if found.x is None:
