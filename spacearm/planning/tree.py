@@ -145,9 +145,8 @@ class Tree:
         size = max(3, *map(len, ways))
         W = np.array([np.vstack((way[:1].repeat(size - len(way), axis=0), way)) for way in ways])
         T = self.start.base.rotation @ self._turns(W[:, :-1])
-        last, near, room = self._arriving(W[:, -2:], T)
-        W[:, -1] = last[:, -1]
-        good = np.flatnonzero(near & (room > self.target.clearance))
+        W, arrives = self._arriving(W, T)
+        good = np.flatnonzero(arrives)
         for i in good[np.argsort(lengths(W[good]))]:
             for corners in (self._shortened(W[i]), W[i]):
                 if self._clear_way(corners):
@@ -217,9 +216,8 @@ class Tree:
         ends = np.argpartition(far, few - 1, axis=1)[:, :few].ravel()
         nodes = np.repeat(nodes, few)
         W = np.stack((self._q[nodes], Q[ends]), axis=1)
-        W, near, room = self._arriving(W, self._T[nodes])
-        good = near & (room > self.target.clearance)
-        for i in np.flatnonzero(good):
+        W, arrives = self._arriving(W, self._T[nodes])
+        for i in np.flatnonzero(arrives):
             corners, node = [W[i, 1]], int(nodes[i])
             while node >= 0:
                 corners.append(self._q[node])
@@ -231,7 +229,7 @@ class Tree:
             else:
                 self.account.ways["contact"] += 1
 
-    def _arriving(self, W: Array, T: Array) -> tuple[Array, Booleans, Array]:
+    def _arriving(self, W: Array, T: Array) -> tuple[Array, Booleans]:
         """Move the last corners of motions until the tip arrives.
 
         Args:
@@ -239,12 +237,11 @@ class Tree:
             T: (K, 3, 3) attitudes at the last but one.
 
         Returns:
-            The corners; whether the tip arrives (K,); the least distance of the last piece to the
-            singular set (K,), as `FreeSpace.least_distance` has it.
+            The corners; whether the tip arrives (K,), the last piece free of singularities.
         """
         W, target = W.copy(), self.target
         if target.tip is None or len(W) == 0:
-            return W, np.ones(len(W), dtype=bool), self._room(W[:, -2:])
+            return W, self._room(W[:, -2:]) > target.clearance
 
         def attitude(Q: Array, rows: Integers) -> Array:
             W[rows, -1] = Q
@@ -254,7 +251,7 @@ class Tree:
         _, _, miss = self.finder.landed(W[:, -1], attitude, STEPS, limits=limits)
         room = self._room(W[:, -2:])
         self.finder.count_ways(room, miss < CLOSE)
-        return W, miss < CLOSE, room
+        return W, (miss < CLOSE) & (room > target.clearance)
 
     def _shortened(self, best: Array) -> Array:
         """Return corners (m, n) of a shorter motion that arrives as one of corners (k, n) does."""
@@ -264,8 +261,8 @@ class Tree:
             if len(W) == 0:
                 continue
             T = self.start.base.rotation @ self._turns(W[:, :-1])
-            W, near, room = self._arriving(W, T)
-            travel = np.where(near & (room > self.target.clearance), lengths(W), np.inf)
+            W, arrives = self._arriving(W, T)
+            travel = np.where(arrives, lengths(W), np.inf)
             for i in np.argsort(travel)[:3]:
                 if travel[i] < lengths(best[None])[0] and self._clear_way(W[i]):
                     moves = np.abs(np.diff(W[i], axis=0)).max(axis=1) > STILL
