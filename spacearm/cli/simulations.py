@@ -16,7 +16,7 @@ from spacearm.cli.output import Answer, out, print_json, save_phases, say_stoppe
 from spacearm.cli.questions import With, controller_of, question
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.motion.controllers import LAWS, TipLaw
-from spacearm.servo.servo import SLOW, STOP
+from spacearm.servo.servo import LONGEST, SLOW, STOP
 from spacearm.servo.watching import recorded
 from spacearm.sweeps.motion_tables import read_integration, read_phases, read_plant, read_sampling
 from spacearm.sweeps.toml import Table
@@ -155,16 +155,18 @@ def watch_states(
     near, far = opt.radians(stop, deg, STOP), opt.radians(slow, deg, SLOW)
     servo = sa.Servo(arm, mode=mode, stop=near, slow=far)
     messages: Iterable[Any] = sys.stdin if file == "-" else recorded(Path(file), topic)
-    level, worst, count = "", 0, 0
+    level, worst, count, late = "", 0, 0, 0
     for state in servo.watch(messages, ahead=ahead):
         count += 1
         if state.level in ("stop", "fault"):
             worst = TOO_NEAR
         if as_json:
             print_json(state.to_dict(), indent=None)
-        elif state.level != level:
+        elif state.level != level or (state.gap and not late):
             out.print(f"{state.t:10.3f} s  {state.verdict}", soft_wrap=True)
-        level = state.level
+        level, late = state.level, late + (state.gap > 0.0)
     if not as_json:
         out.print(f"{count} joint states watched")
+        if late:
+            out.print(f"{late} came more than {LONGEST:g} s after the one before: searched anew")
     return worst

@@ -19,16 +19,16 @@ found: where sigma_min is a ten-thousandth of sigma_max, a way 1e-4 off turns th
 
 The distance is that to singular postures that are followed from tick to tick: three, the nearest
 that are known, and six scouts that set out from the arm's posture and at random, and take the place
-of the farthest, or of one close by, when they come to rest nearer. So each of them is found, and
-the nearest of all is no farther. Where the set folds, steps along it may come to rest nowhere: a
-scout that is so near to the arm, and to the set beside it, that something nearer must be there is
-followed as it is. Each goes towards the point nearest to the arm's posture on the set linearised at
-itself: by a whole step of Newton's method to the set, and along it by a share. Where the set bends
-more than the sphere about the posture, whole steps would lead ever farther away; the share is that
-by which the last two ways along the set would have become least: Barzilai & Borwein, IMA J. Numer.
-Anal. 8(1), 141-148 (1988), DOI 10.1093/imanum/8.1.141. After a long way, or a long tick, they take
-a step for each part of the arm's way. All angles x count in radians of each joint;
-see `model.joints.joint_scales`.
+of the farthest, or of one close by, when they come to rest nearer, for all that their residual may
+hide. So each is found, and the nearest of all is no farther. Where the set folds, steps along it
+may come to rest nowhere: a scout that is so near to the arm, and to the set beside it, that
+something nearer must be there is followed as it is. Each goes towards the point nearest to the
+arm's posture on the set linearised at itself: by a whole step of Newton's method to the set, and
+along it by a share. Where the set bends more than the sphere about the posture, whole steps would
+lead ever farther away; the share is that by which the last two ways along the set would have become
+least: Barzilai & Borwein, IMA J. Numer. Anal. 8(1), 141-148 (1988), DOI 10.1093/imanum/8.1.141.
+After a long way, or a long tick, they take a step for each part of the arm's way. All angles x
+count in radians of each joint; see `model.joints.joint_scales`.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ LAG = 1.0
 #: a way below which the share is that of the first [rad^2].
 SHARE, LEAST, SMOOTH = 0.7, 0.02, 1e-5
 #: Share of the distance of one that a scout must be nearer than to be followed instead; how often
-#: its residual counts as long as it does not rest.
+#: its residual counts then.
 NEARER, DOUBTED = 0.99, 3.0
 #: Scouts set out within this times the distance, `stop` or `slow` if that is more, and no farther
 #: than that [rad].
@@ -105,6 +105,8 @@ DAMPING = 1e-5
 FREE = 1e6
 #: How far the square of a quaternion may be from 1.
 UNIT_LENGTH = 1e-3
+#: By which share a time may be longer than the longest, by rounding.
+ROUNDING = 1e-6
 #: What positions may jump besides twice the largest rates [rad].
 JITTER = 2e-3
 #: What slows a motion, in the order of `Tick.shares`.
@@ -203,7 +205,7 @@ class Tick(NamedTuple):
         lost: (6 tips,) direction of the tip's twist that is being lost, towards the set, in the
             axes of the commanded twist.
         closing: Rate at which the distance falls [rad/s].
-        done: Share of the commanded twist that is done.
+        done: Share of the commanded twist that is done, from 0 to 1.
         shares: (7,) what each of `CAUSES` leaves of the motion.
         halt: Which of `HALTS` it is.
     """
@@ -339,7 +341,7 @@ def step(
     last, before = memory.rates / radians, memory.q
     square = (quaternion * quaternion).sum()
     small = [xp.absolute(x).sum() <= LARGEST for x in (q, quaternion, twist, momentum)]
-    real = xp.logical_and(dt > 0.0, dt <= limits.longest)
+    real = xp.logical_and(dt > 0.0, dt <= (1.0 + ROUNDING) * limits.longest)
     tick = xp.where(real, dt, memory.dt)
     began = memory.count >= 0.0
     q = xp.where(small[0], q, before + memory.rates * memory.dt)  # where it is, as far as known
@@ -413,7 +415,8 @@ def step(
         mixed = xp.where(extreme(xp.minimum, whole) >= 1.0 - 1e-9, goes, brake)
         rates = xp.where(halt > 0.0, brake, mixed)
         kept = share_of(xp, (asked * y).sum(), (asked * asked).sum())
-        done = share_of(xp, (v * (J @ rates)).sum(), (v * v).sum())
+        along = xp.maximum((v * (J @ rates)).sum(), 0.0)
+        done = xp.minimum(share_of(xp, along, (v * v).sum()), 1.0)
         told = xp.stack([slowed, xp.minimum(kept, 1.0), rate, wheels, *shares, slower * by])
         lost = _lost(xp, tree, turns, xp.where(least.v @ away > 0.0, -least.u, least.u))
         miss = rates - guess
@@ -546,7 +549,7 @@ def _follow(
             worst = xp.where(close, NEARER * sizes[j], worst)
             place = xp.where(close, 1.0 * j, place)
         sure = xp.logical_and(bound < NEARER * nearest, bound < worst)
-        takes = xp.where(rests, sizes[i] < worst, sure)
+        takes = xp.where(rests, sizes[i] + DOUBTED * scout.far < worst, sure)
         for j in range(KEPT):
             mine = xp.logical_and(takes, xp.absolute(place - j) < 0.5)
             found[j] = _either(xp, mine, scout, found[j])

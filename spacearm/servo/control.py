@@ -32,12 +32,12 @@ class ServoControl(Law):
         servo: The servo.
         twist: The commanded twist, as `Servo.step` takes it, or a function of (t, cfg) that gives
             it.
-        period: Time between two steps [s].
-        gain: Rate at which the joints take up their rates [1/s].
+        period: Time between two steps [s], no longer than a step of the servo may be.
+        gain: Rate at which the joints take up their rates [1/s], at most 1 / period.
 
     Raises:
-        ConfigurationError: period or gain is not positive; or, when it is called, the times are not
-            those of a controller sampled with its period.
+        ConfigurationError: period or gain is not positive, or too large; or, when it is called, the
+            times are not those of a controller sampled with its period.
 
     Example:
         >>> import spacearm as sa
@@ -56,7 +56,16 @@ class ServoControl(Law):
 
     def __post_init__(self) -> None:
         positive(self.period, "period", "period [s]")
-        positive(self.gain, "gain", "gain [1/s]")
+        if self.period > self.servo.limits.longest:
+            raise ConfigurationError(
+                f"period is {self.period:g} s; a step of the servo takes at most "
+                f"{self.servo.limits.longest:g} s: give a shorter one"
+            )
+        if positive(self.gain, "gain", "gain [1/s]") * self.period > 1.0 + SAME:
+            raise ConfigurationError(
+                f"gain is {self.gain:g} 1/s, by which joints overshoot in a period of "
+                f"{self.period:g} s; give at most {1.0 / self.period:g}"
+            )
 
     @property
     def steps(self) -> list[ServoStep]:

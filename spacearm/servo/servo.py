@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from copy import copy
 from typing import Any, TypeAlias
@@ -35,8 +34,8 @@ FRAMES = ("inertial", "spacecraft", "tip")
 UNLIMITED, NO_BUDGET = 1e6, 1e30
 #: Distances that are kept, and from which on nothing is slowed [rad].
 STOP, SLOW = float(np.radians(5.0)), float(np.radians(15.0))
-#: Longest time of a tick [s].
-LONGEST = 0.5
+#: Longest time of a step [s]: up to it the search keeps its pace.
+LONGEST = ticks.LOOKS * ticks.LASTS
 #: Share of the motion below which something is said to slow it.
 SEEN = 0.999
 #: Why the servo halts.
@@ -68,7 +67,9 @@ class ServoStep(Result):
         lost: (6 tips,) direction of the twist that is being lost, towards the set, in the axes of
             the commanded twist.
         closing: Rate at which the distance falls [rad/s].
-        done: Share of the commanded twist, of its task rows, that is done.
+        done: Share of the commanded twist, of its task rows, that is done: the component of the
+            tip's motion along it. 0 if the tip rests or moves against it, as it may while the arm
+            brakes or leaves `stop`; 1 if all is done, or nothing is commanded.
         slowed: What slows the motion, with the share that it leaves: "lost direction" (that of
             `lost` alone), "approach" (to the set), "rate", "wheels", "position", "acceleration"
             and "stopping distance". The last means that the arm could not stop any more, or that
@@ -306,7 +307,7 @@ class Servo:
                 configuration counts.
             twist: (6 tips,) the commanded twist of the tips [linear [m/s]; angular [rad/s]], or
                 (k,) its task rows.
-            dt: Time until the next step [s].
+            dt: Time until the next step [s], up to 0.1 s.
 
         Returns:
             The rates, the distance, what is being lost and slowed; a halt with its reason if the
@@ -352,9 +353,9 @@ class Servo:
         nothing = np.zeros(self.arm.task.k)
 
         def follow(q: Array, dt: float) -> Tick:
-            seen = eye.seen((q, AT_REST), nothing, min(dt, LONGEST))
-            if math.isinf(dt) or ticks.HALTS[int((tick := eye.tick(seen)).halt)]:
-                eye.start((q, AT_REST))  # the first, or a jump: all is searched anew
+            seen = eye.seen((q, AT_REST), nothing, dt)
+            if ticks.HALTS[int((tick := eye.tick(seen)).halt)]:
+                eye.start((q, AT_REST))  # the first, a jump, or long after: all is searched anew
                 tick = eye.tick(seen)
             return tick
 

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from spacearm.arrays import NO_NUMBERS, Array
-from spacearm.equations.servo import Limits, Tick
+from spacearm.equations.servo import HALTS, Limits, Tick
 from spacearm.errors import ConfigurationError, imported, listed
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales
@@ -53,6 +53,8 @@ class Watched(Result):
         level: "stop" nearer than `stop`; "warning" nearer than `slow`, or `stop` is ahead; "fault"
             if the message is not valid; else "clear".
         fault: What is wrong with the message.
+        gap: Time since the message before [s], where a servo follows no further in one step, so
+            that the posture is searched anew; else 0.
     """
 
     arm: SpaceArm
@@ -64,6 +66,7 @@ class Watched(Result):
     ahead: float
     level: Level
     fault: str
+    gap: float = 0.0
 
     @property
     def verdict(self) -> str:
@@ -73,7 +76,8 @@ class Watched(Result):
         if math.isinf(self.distance):
             return f"{self.level}: no singular posture is known"
         said = f"{self.level}: a singular posture found {angle(self.distance)} away"
-        return said + (f", to stop in {self.ahead:.1f} s at this rate" if self.ahead < 1e3 else "")
+        said += f", to stop in {self.ahead:.1f} s at this rate" if self.ahead < 1e3 else ""
+        return said + (f"; {self.gap:.2f} s after the message before" if self.gap else "")
 
     not_checked = "collisions, joint limits"
 
@@ -118,16 +122,18 @@ def watched(
         if last is not None and state.t <= last.t:
             yield _fault(arm, state, f"its time, {state.t:g} s, is not after {last.t:g} s")
             continue
-        tick = follow(q, math.inf if last is None else state.t - last.t)
-        dq = state.dq
+        since = math.inf if last is None else state.t - last.t
+        tick, dq = follow(q, since), state.dq
         if dq is None:
-            dq = np.zeros(arm.n) if last is None else (q - last.q) / (state.t - last.t)
+            dq = np.zeros(arm.n) if last is None else (q - last.q) / since
         closing = -float((tick.away / unit) @ (dq / unit))
         distance = float(tick.distance)
         left = max(distance - limits.stop, 0.0) / closing if closing > 0.0 else math.inf
         near = distance < limits.slow or left < ahead
         level: Level = "stop" if distance < limits.stop else "warning" if near else "clear"
-        yield Watched(arm, state.t, q, distance, tick.nearest, closing, left, level, "")
+        late = last is not None and HALTS[int(tick.halt)] == "dt"
+        gap = since if late else 0.0
+        yield Watched(arm, state.t, q, distance, tick.nearest, closing, left, level, "", gap)
         last = JointState(state.t, q)
 
 
