@@ -3,8 +3,8 @@
     python benchmarks/servo.py [RUNS] [ARM...] [--dt SECONDS]
     python benchmarks/servo.py times [ARM...] [--dt SECONDS]
 
-Each run is 60 s of smooth random twists in steps of 10 ms, or up to 0.1 s by `--dt`, from a random posture
-more than 15 degrees away from the set. All three scale their rates to the same limits.
+Each run is 60 s of smooth random twists in steps of 10 ms, or up to 0.1 s by `--dt`, from a random
+posture more than 15 degrees away from the set. All three scale their rates to the same limits.
 
 - servo: `sa.Servo`, with stop 5 and slow 15 degrees, limits of acceleration 2 rad/s^2.
 - damped: damped least squares, `sa.DampedLeastSquares` with its own threshold and damping.
