@@ -113,6 +113,8 @@ def _goal(
         return opt.goal_from(arm, "--goal", texts[0], deg)
     form = f"one goal, or NAME=X1,X2,... for each of the tips {listed(arm.tips)} (--tip NAME,NAME)"
     goals = opt.pairs("--goal", texts, form)
+    if other := [name for name in goals if name not in arm.tips]:
+        raise sa.ConfigurationError(f"--goal {other[0]!r}: give {form}")
     return {name: opt.goal_from(arm, f"--goal {name}", text, deg) for name, text in goals.items()}
 
 
