@@ -393,8 +393,8 @@ def test_a_second_arm_keeps_the_attitude():
     assert turned[1] < 0.02 * turned[0]
 
 
-@pytest.mark.parametrize(("dt", "over"), [(1e-5, 1e-5), (0.1, 1e-3)])
-def test_wheels_take_up_no_more_than_their_budget(dt, over):
+@pytest.mark.parametrize("dt", [1e-5, 0.1])
+def test_wheels_take_up_no_more_than_their_budget(dt):
     arm, mode = sa.load("planar2"), "attitude-controlled"
     free = sa.Servo(arm, mode=mode, rates=1.0)
     q = away_from_the_set(free, 10)
@@ -408,7 +408,7 @@ def test_wheels_take_up_no_more_than_their_budget(dt, over):
     servo.start((q, LEVEL))
     step = servo.step((q, LEVEL), [0.5, 0.4], dt)
     assert "wheels" in step.slowed
-    np.testing.assert_allclose(most(step), budget, rtol=over, atol=0)
+    assert 0.98 * budget < most(step) <= budget
 
 
 NAN = np.full(2, np.nan)
