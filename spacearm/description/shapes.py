@@ -216,6 +216,11 @@ class Visuals(NamedTuple):
     collision: tuple[Shape, ...] = ()
     stands_in: bool = False
 
+    @property
+    def drawn(self) -> tuple[Shape, ...]:
+        """Its visuals; where there are none, what stands for the link in collision checks."""
+        return self.visual or self.collision
+
     def upright(self) -> Visuals:
         """Return the shapes, each turned by `Shape.upright`."""
         visual, collision = (tuple(map(Shape.upright, own)) for own in self[:2])

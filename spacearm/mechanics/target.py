@@ -135,7 +135,7 @@ class Target(Described):
             shape.triangles() @ frame.rotation.T + frame.translation
             for link, shapes in tree.visuals.items()
             for frame in (tree.frames[link],)
-            for shape in shapes.visual or shapes.collision
+            for shape in shapes.drawn
         ]
         some = tuple(part for part in found if len(part))
         return some or (stand_in(tree.bodies[tree.root].spatial()).triangles(),)

@@ -47,9 +47,9 @@ class Solid(NamedTuple):
 
 @lru_cache(maxsize=8)
 def solids(arm: SpaceArm) -> tuple[Solid, ...]:
-    """Return what is drawn of an arm: its visuals.
+    """Return what is drawn of an arm: its visuals, else what is checked for collisions.
 
-    A spacecraft without visuals is drawn as the box that has its inertia; links without, not.
+    A spacecraft without shapes is drawn as the box that has its inertia; links without, not.
 
     Warns:
         ModelWarning: A mesh cannot be read.
@@ -58,7 +58,7 @@ def solids(arm: SpaceArm) -> tuple[Solid, ...]:
     found = [
         Solid(link, triangles, GOLD if link in spacecraft else GREEN if drawn.stands_in else None)
         for link, drawn in arm.tree.visuals.items()
-        for shape in drawn.visual
+        for shape in drawn.drawn
         if len(triangles := shape.triangles())
     ]
     if not any(solid.link in spacecraft for solid in found):

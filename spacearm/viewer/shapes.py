@@ -54,12 +54,12 @@ class DrawnShape(NamedTuple):
 
 
 def shapes(arm: SpaceArm) -> list[DrawnShape]:
-    """Return the visuals of an arm, and plain bodies for the rigid bodies that have none.
+    """Return the visuals of an arm, else what collides, and plain bodies for those without.
 
     Warns:
-        ModelWarning: A visual cannot be drawn, or bodies have none.
+        ModelWarning: A shape cannot be drawn, or bodies have none.
     """
-    visuals = {link: drawn.visual for link, drawn in arm.tree.visuals.items()}
+    visuals = {link: own.drawn for link, own in arm.tree.visuals.items()}
     drawn = [
         shape
         for link, parts in visuals.items()

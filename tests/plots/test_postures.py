@@ -121,6 +121,15 @@ def test_bodies_without_visuals_are_lines_and_the_box_of_the_inertia_and_the_tit
     assert len(thick) == 2
 
 
+def test_what_collides_is_drawn_where_there_are_no_visuals(tmp_path):
+    seen, collides = (
+        sa.plot(described(tmp_path, BOX.replace("visual", tag)).at([0.3, 0.4])).axes[0]
+        for tag in ("visual", "collision")
+    )
+    assert seen.get_title() == collides.get_title()
+    np.testing.assert_array_equal(data_extents(seen), data_extents(collides))
+
+
 def test_meshes_of_few_or_flat_triangles_are_drawn(tmp_path):
     corners = {"one.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"}
     corners["flat.obj"] = corners["one.obj"] + "v 1 1 0\nf 2 3 4\n"

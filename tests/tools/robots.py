@@ -212,7 +212,7 @@ def asked(message: str) -> dict[str, object]:
 def refused(path: Path, robot: str, kind: str, message: str) -> Row:
     """A row for a file that does not load, with what its message says."""
     said = message.replace(f"{path}: ", "").replace(str(path), path.name)
-    for parent in path.parents:
+    for parent in path.parents[:-1]:  # the last is the root of all
         said = said.replace(f"{parent}/", "")
     said = said.replace("|", "/")
     if any(words in said for words in PARTS):
