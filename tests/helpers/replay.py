@@ -16,7 +16,7 @@ def replay(plan, row=None, momentum=None):
     The joints follow what `sa.Tracking` wants of them, the wheels a quintic spline.
     """
     arm, start, h = plan.arm, plan[0], plan.momentum[0] if momentum is None else momentum
-    wanted = sa.Tracking(plan).wanted
+    wanted, model, data = sa.Tracking(plan).wanted, arm.model, arm.model.createData()
     held = None
     if momentum is None and plan.wheels.any():
         still = [(order, np.zeros(plan.wheels.shape[1])) for order in (1, 2)]
@@ -24,13 +24,14 @@ def replay(plan, row=None, momentum=None):
 
     def rate(t, T):
         U, _, Vt = np.linalg.svd(T.reshape(3, 3))
-        q, dq, _ = wanted(t)
-        kept = h.copy()
+        R, (q, dq, _), kept = U @ Vt, wanted(t), h.copy()
         if held is not None:
             for wheel, spin in zip(arm.wheels, held(t), strict=True):
-                kept[3:] -= U @ Vt @ wheel.axis * spin
-        cfg = arm.at(q, base=pin.SE3(U @ Vt, np.zeros(3)), momentum=kept)
-        return (pin.skew(sa.base_velocity(cfg, dq)[3:]) @ T.reshape(3, 3)).ravel()
+                kept[3:] -= R @ wheel.axis * spin
+        full = np.concatenate((np.zeros(3), pin.Quaternion(R).coeffs(), arm.all_joints(q)))
+        A = arm.project(pin.computeCentroidalMap(model, data, full))
+        twist = np.linalg.solve(A[:, :6], kept - A[:, 6:] @ dq)  # in the spacecraft's axes
+        return (R @ pin.skew(twist[3:]) @ R.T @ T.reshape(3, 3)).ravel()
 
     row = len(plan) - 1 if row is None else row
     T, attitudes = start.base.rotation.ravel(), [start.base.rotation]

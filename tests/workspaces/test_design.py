@@ -143,7 +143,7 @@ def test_ctrl_c_keeps_what_is_done():
 def test_the_best_mount_is_nearest_the_spacecraft_s_cm():
     told = []
     best = optimise_mount(
-        ARM, {"mount_x": (0.1, 0.8)}, most=20, progress=lambda *both: told.append(both)
+        ARM, {"mount_x": (0.1, 0.8)}, most=12, progress=lambda *both: told.append(both)
     )
     assert [done for done, _ in told] == list(range(1, best.tried + 1))
     assert all(done <= total for done, total in told)
