@@ -12,13 +12,15 @@ centre c and half widths h
 
 the rest from the second and third derivatives at c and a bound of the fourth ones everywhere.
 Where F bends upwards along a joint, that makes up for some of the slope.
-Given F(c) = 1, the a and b that make |grad F(c)| h least, or this and the rest, solve a small
-linear system. At the common root nearest to the centre of a ball some sum of the gradients is
-along x, which b takes away. Boxes there are wide beside the gap between ball and root, and few
-suffice. What is not proven is halved, nearest to the middle first, so that what is proven when a
-budget ends is a region of the same kind. Without u a box is proven as such.
+Given F(c) = 1, the a that make the squares of all these terms least solve a small linear system,
+and so do the a and b for which those of the slopes, or of these and the rest, are least. At the
+common root nearest to the centre of a ball some sum of the gradients is along x, which b takes
+away. Boxes there are wide beside the gap between ball and root, and few suffice. What is not proven
+is halved, nearest to the middle first, so that what is proven when a budget ends is a region of the
+same kind. Without u a box is proven as such.
 
-The smallest polynomials are tried first, all of them where these do not do.
+In a region with u the smallest polynomials are tried first; in a box as such, where no u takes the
+slope away, one of them and the largest. All are tried where these do not do.
 
 Rounding is counted as in `certificate`.
 """
@@ -46,8 +48,12 @@ NARROW = 1e-7
 #: Share of all coefficients that the polynomials tried first have at most, and how often a box is
 #: halved with these alone before all are tried.
 SMALL, PATIENCE = 0.31, 5
+#: How many of the largest polynomials are tried first where a box counts as a whole.
+LARGEST = 3
 #: Share of an end of a region within which a box reaches it.
 AT_THE_END = 1e-12
+#: What a single polynomial has to say on where a box is halved, beside the best of their sums.
+VOTE = 0.1
 #: Share of the squared slopes that is added to the small systems, which may be singular.
 RIDGE = 1e-14
 
@@ -146,9 +152,13 @@ class Expansion(NamedTuple):
             np.concatenate((self.noise, form.noise[:, None]), axis=1),
         )
 
-    def factors(self, rest: Array) -> Array:
-        """Return (m, p) factors with value 1 that make the squares of slope and rest least."""
-        M = self.slope @ self.slope.swapaxes(1, 2)
+    def factors(self, rest: Array, terms: int | None = None) -> Array:
+        """Return (m, p) factors with value 1 that make the squares of the first terms least.
+
+        The squares of the rest (m, p) of each function count too.
+        """
+        T = self.terms[:, :, :terms]
+        M = T @ T.swapaxes(1, 2)
         size = np.einsum("mii->m", M)[:, None] + np.finfo(np.float64).tiny
         M = M + (rest**2 + RIDGE * size)[:, :, None] * np.eye(M.shape[1])
         a = np.linalg.solve(M, self.value[:, :, None])[:, :, 0]
@@ -234,6 +244,14 @@ class Roots:
         few = int((sizes <= SMALL * sizes[-1]).sum())
         return replace(self, polynomials=by_size[:few]) if few > 1 else self
 
+    @cached_property
+    def varied(self) -> Roots:
+        """The smallest polynomial and the largest ones alone: their sums prove whole boxes free."""
+        if len(self.polynomials) <= 1 + LARGEST:
+            return self
+        by_size = sorted(self.polynomials, key=lambda f: f.polynomial.coefficients.size)
+        return replace(self, polynomials=[by_size[0], *by_size[-LARGEST:]])
+
     @property
     def size(self) -> int:
         """Number of coefficients."""
@@ -291,7 +309,7 @@ class Roots:
         )
 
     def tried(self, centre: Array, half: Array, age: Integers, inside: Form | None = None) -> Trial:
-        """Tell which boxes are free, of young ones by the smallest polynomials alone.
+        """Tell which boxes are free, of young ones by some polynomials alone.
 
         Args:
             centre: As of `free`.
@@ -299,7 +317,7 @@ class Roots:
             age: (m,) how often boxes were halved since all polynomials were tried; written to.
             inside: As of `free`.
         """
-        small = self.small
+        small = self.varied if inside is None else self.small
         own = small.expanded(centre, half)
         free, taken = small.judged(own, half, inside)
         age += 1
@@ -334,24 +352,24 @@ class Roots:
 
     def judged(self, own: Expansion, half: Array, inside: Form | None) -> tuple[Booleans, Array]:
         """Tell as `free` which boxes hold no common root, from the expansions in them."""
-        p = len(self.polynomials)
-        trials = [(own, own.normalised(np.eye(p)[[i]])) for i in range(p)]
-        if p > 1:
-            trials += [(own, own.factors(rest)) for rest in (0.0 * own.rest, own.rest)]
-        if inside is not None:
-            both = own.with_(inside, half)
-            for rest in (0.0 * both.rest, np.pad(own.rest, ((0, 0), (0, 1)))):
-                a = both.factors(rest)
-                a[:, p] = np.maximum(a[:, p], 0.0)
-                trials.append((both, a))
-        proven, taken = np.zeros(len(half), dtype=bool), np.zeros_like(half)
+        value, by_joint = np.abs(own.value), np.abs(own.terms) @ own.monomials.share + own.fourth
+        total = by_joint.sum(axis=2)
+        proven = (value - own.noise > total * (1.0 + ROUNDING)).any(axis=1)
+        taken = VOTE * (by_joint / np.maximum(total, value)[:, :, None]).sum(axis=1)
+        trials = [(own, own.factors(own.fourth.sum(axis=2) + own.noise))]
         least = np.full(len(half), np.inf)
+        if inside is not None:
+            both, linear = own.with_(inside, half), own.monomials.linear
+            for rest in (0.0 * both.rest, np.pad(own.rest, ((0, 0), (0, 1)))):
+                a = both.factors(rest, linear)
+                a[:, -1] = np.maximum(a[:, -1], 0.0)
+                trials.append((both, a))
         for functions, a in trials:
-            bound, by_joint = functions.least(a)
+            bound, joints = functions.least(a)
             proven |= bound > 0.0
-            total = by_joint.sum(axis=1)
+            total = joints.sum(axis=1)
             least = np.minimum(least, total)
-            taken += by_joint / np.maximum(total, 1.0)[:, None]
+            taken += joints / np.maximum(total, 1.0)[:, None]
         return proven, taken * (least / np.maximum(taken.sum(axis=1), EPS))[:, None]
 
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spacearm.arrays import Array, Booleans
+from spacearm.arrays import Array, Booleans, Integers
 from spacearm.compiler.machine import processors
 from spacearm.polynomial.trig import TrigPolynomial, derivative_bounds
 from spacearm.polynomial.univariate import orders
@@ -136,6 +136,8 @@ class Jets:
     def partials(self, tensors: Array, Q: Array, order: int) -> tuple[list[tuple[int, ...]], Array]:
         """Compute the partial derivatives up to an order that may be other than zero.
 
+        Points in a row that agree in the coordinates contracted so far share their sums.
+
         Args:
             tensors: (c, ...) coefficients of polynomials of the same degrees, as `tensor`.
             Q: (m, n) where.
@@ -144,53 +146,53 @@ class Jets:
         Returns:
             The coordinates that each is taken in, t of them, and (m, t, c) the derivatives.
         """
-        m = len(Q)
-        if not self._axes:
-            return [()], np.tile(tensors, (m, 1, 1))
-        axes, waves = list(self._axes), self._waves(Q, order)
-        j = axes.pop()
-        size = waves[j].shape[2]
-        first = waves[j].reshape(-1, size) @ tensors.reshape(-1, size).T
-        first = first.reshape(m, order + 1, -1)
-        indices, found = [[(j,) * e] for e in range(order + 1)], np.split(first, order + 1, axis=1)
-        while axes:  # the indices and derivatives of each order
-            j = axes.pop()
-            size, before = waves[j].shape[2], indices
-            parts: list[list[Array]] = [[] for _ in before]
-            indices = [[] for _ in before]
-            for d, (of, values) in enumerate(zip(before, found, strict=True)):
-                left = order + 1 - d
-                sums = values.reshape(m, -1, size) @ waves[j][:, :left].swapaxes(1, 2)
+        indices: list[list[tuple[int, ...]]] = [[()]]
+        found, c = [tensors.reshape(1, 1, -1)], len(tensors)
+        of, other = np.zeros(len(Q), dtype=int), np.arange(len(Q)) == 0
+        for j in reversed(self._axes):  # the indices and derivatives of each order
+            other[1:] |= Q[1:, j] != Q[:-1, j]
+            rows = np.flatnonzero(other)
+            m, before, of = len(rows), of[rows], np.cumsum(other) - 1
+            waves, some = self._waves(Q[rows, j], j, order), zip(indices, found, strict=True)
+            size = waves.shape[2]
+            indices = [[] for _ in range(order + 1)]
+            parts: list[list[Array]] = [[] for _ in indices]
+            for d, (index, held) in enumerate(some):
+                left, t = order + 1 - d, len(index)
+                if len(held) == 1:
+                    sums = waves[:, :left].reshape(-1, size) @ held.reshape(-1, size).T
+                    sums = sums.reshape(m, left, -1).swapaxes(1, 2)
+                else:
+                    held = held if len(held) == m else held[before]
+                    sums = held.reshape(m, -1, size) @ waves[:, :left].swapaxes(1, 2)
                 for e in range(left):
-                    indices[d + e] += [(*index, *(j,) * e) for index in of]
-                    parts[d + e].append(sums[:, :, e].reshape(m, len(of), -1))
-            found = [np.concatenate(values, axis=1) for values in parts]
-        return [index for of in indices for index in of], np.concatenate(found, axis=1)
+                    indices[d + e] += [(*i, *(j,) * e) for i in index]
+                    parts[d + e].append(sums[:, :, e].reshape(m, t, -1))
+            found = [part[0] if len(part) == 1 else np.concatenate(part, axis=1) for part in parts]
+        places = [i for index in indices for i in index]
+        values = np.concatenate(found, axis=1)
+        return places, values[of].reshape(len(Q), len(places), c)
 
-    def _waves(self, Q: Array, order: int) -> dict[int, Array]:
-        """Compute the bases of the coordinates that matter, and derivatives.
+    def order(self, Q: Array) -> Integers:
+        """Return the order (m,) of points Q (m, n) in which those that share sums are in a row."""
+        return np.lexsort((np.arange(len(Q)), *Q[:, self._axes].T))
 
-        Returns:
-            (m, order + 1, size) of each.
-        """
-        found, degrees = {}, self.polynomial.degrees
-        k = np.arange(1, max(degrees) + 1)
-        phases = Q[:, :, None] * k
-        circles = np.cos(phases), np.sin(phases)
-        for j in self._axes:
-            d = degrees[j]
-            if self.chart.slides[j]:
-                x = (Q[:, j] - self.chart.centre[j]) / self.chart.half[j]
-                T = chebyshev(x, d, order) / self.chart.half[j] ** np.arange(order + 1)
-                found[j] = np.ascontiguousarray(T.swapaxes(1, 2))
-                continue
-            found[j] = waves = np.zeros((len(Q), order + 1, 2 * d + 1))
-            waves[:, 0, 0] = 1.0
-            cosine, sine = (circle[:, j, :d] for circle in circles)
-            for e in range(order + 1):
-                waves[:, e, 1 : d + 1], waves[:, e, d + 1 :] = cosine, sine
-                cosine, sine = -k[:d] * sine, k[:d] * cosine
-        return found
+    def _waves(self, q: Array, j: int, order: int) -> Array:
+        """Compute the basis of a coordinate at q (m,), and derivatives: (m, order + 1, size)."""
+        d = self.polynomial.degrees[j]
+        if self.chart.slides[j]:
+            x = (q - self.chart.centre[j]) / self.chart.half[j]
+            T = chebyshev(x, d, order) / self.chart.half[j] ** np.arange(order + 1)
+            return np.ascontiguousarray(T.swapaxes(1, 2))
+        k = np.arange(1, d + 1)
+        phases = q[:, None] * k
+        cosine, sine = np.cos(phases), np.sin(phases)
+        waves = np.zeros((len(q), order + 1, 2 * d + 1))
+        waves[:, 0, 0] = 1.0
+        for e in range(order + 1):
+            waves[:, e, 1 : d + 1], waves[:, e, d + 1 :] = cosine, sine
+            cosine, sine = -k * sine, k * cosine
+        return waves
 
     def curvature(self, reach: Array) -> Array:
         """Bound the second derivatives, (n, n), wherever |(d - centre) / half| <= reach (n,)."""
@@ -263,18 +265,21 @@ def derivatives(polynomials: Sequence[Jets], Q: Array, indices: Sequence[tuple[i
     for i, f in enumerate(polynomials):
         alike.setdefault(f.polynomial.degrees, []).append(i)
 
-    def do(which: list[int], tensors: Array, rows: slice) -> None:
+    def do(which: list[int], tensors: Array, rows: Integers) -> None:
         of, values = polynomials[which[0]].partials(tensors, Q[rows], order)
         places = {tuple(sorted(index)): i for i, index in enumerate(of)}
         own = [t for t, index in enumerate(wanted) if index in places]
         at = [places[wanted[t]] for t in own]
-        found[np.ix_(range(*rows.indices(len(Q))), which, own)] = values[:, at].swapaxes(1, 2)
+        found[np.ix_(rows, np.array(which), np.array(own, dtype=int))] = values[:, at].swapaxes(
+            1, 2
+        )
 
     work = []
     for which in alike.values():
         tensors = np.array([polynomials[i].tensor for i in which])
         step = max(1, BLOCK // max(1, tensors.size))
-        work += [(which, tensors, slice(i, i + step)) for i in range(0, len(Q), step)]
+        rows = polynomials[which[0]].order(Q)
+        work += [(which, tensors, rows[i : i + step]) for i in range(0, len(Q), step)]
     if len(work) == len(alike):
         for some in work:
             do(*some)

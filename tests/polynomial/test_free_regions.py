@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from spacearm.polynomial.free_regions import Roots, prove
-from spacearm.polynomial.jets import Chart, Jets
+from spacearm.polynomial.jets import Chart, Jets, derivatives
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.tubes import Tubes, straight
 
@@ -95,6 +95,31 @@ def test_a_box_as_such_is_free_or_holds_a_root():
     assert not (free & holds).any()
     assert free[~holds].mean() > 0.5
     assert (taken >= 0.0).all()
+
+
+def test_boxes_are_proven_by_some_of_many_polynomials_first():
+    n, rng = 2, np.random.default_rng(0)
+    at = np.array([0.3, -0.2])
+    mixed = [sines(at)[i % n] for i in range(5)]
+    roots = about(mixed, n)
+    assert len(roots.varied.polynomials) < len(mixed)
+    centre, half = rng.uniform(-0.5, 1, (500, n)), rng.uniform(0.001, 0.4, (500, n))
+    free = roots.tried(centre, half, np.zeros(500, dtype=int)).free
+    holds = (np.abs(centre - at) <= half).all(axis=1)
+    assert not (free & holds).any()
+    assert free[~holds].mean() > 0.5
+
+
+def test_points_that_share_coordinates_have_the_derivatives_of_each_alone(monkeypatch):
+    rng = np.random.default_rng(0)
+    f = TrigPolynomial(rng.normal(size=(5, 3, 1, 5)) + 0j)
+    polynomials = [Jets.of(f), Jets.of(TrigPolynomial(f.coefficients[::-1]))]
+    Q = rng.permutation(rng.choice([-0.7, 0.1, 2.0], (200, 4)))
+    indices = [(), (0,), (3, 1), (2,), (0, 0, 3)]
+    alone = np.concatenate([derivatives(polynomials, q[None], indices) for q in Q])
+    assert np.allclose(derivatives(polynomials, Q, indices), alone, rtol=0, atol=1e-12)
+    monkeypatch.setattr("spacearm.polynomial.jets.BLOCK", 3 * f.coefficients.size)
+    assert np.allclose(derivatives(polynomials, Q, indices), alone, rtol=0, atol=1e-12)
 
 
 def test_a_derivative_that_keeps_its_sign_in_a_box_has_it_at_all_points():
