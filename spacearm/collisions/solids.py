@@ -11,7 +11,7 @@ from pathlib import Path
 import coal
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull, QhullError
+import scipy
 
 from spacearm.arrays import LARGEST, Array
 from spacearm.description import shapes
@@ -116,14 +116,14 @@ def hull(name: str, points: Array) -> coal.Convex:
     if len(extents) < 3 or extents[2] <= FLAT * extents[0]:
         raise ModelError(f"mesh {name!r} is flat")
     try:
-        hull = ConvexHull(points)
+        hull = scipy.spatial.ConvexHull(points)
         corners, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
         for corner in points[hull.vertices]:
             corners.append(corner)
         for triangle in np.searchsorted(hull.vertices, hull.simplices):
             triangles.append(coal.Triangle(*triangle.tolist()))
         return coal.Convex(corners, triangles)
-    except QhullError as error:
+    except scipy.spatial.QhullError as error:
         raise ModelError(f"mesh {name!r} has no hull ({str(error).split(chr(10))[0]})") from None
     except RuntimeError:
         raise ModelError(f"the hull of mesh {name!r} has too many corners for coal") from None

@@ -16,6 +16,7 @@ from urllib.parse import unquote
 
 import numpy as np
 import pinocchio as pin
+import scipy
 from lxml import etree
 
 from spacearm.arrays import LARGEST, Array
@@ -281,9 +282,7 @@ def faces(points: Array) -> Array:
 
     Points (m, 3) in a plane have a hull too.
     """
-    from scipy.spatial import ConvexHull  # slow to import
-
-    hull = ConvexHull(points, qhull_options="QJ")
+    hull = scipy.spatial.ConvexHull(points, qhull_options="QJ")
     found: Array = points[hull.simplices]
     normals = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0])
     inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0.0

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, imported, listed, require_known
@@ -139,8 +140,6 @@ def _columns(arm: SpaceArm, kind: str, unit: str = "", size: int = 0) -> list[st
 
 def _mat(motion: Motion) -> bytes:
     """Write a MATLAB file."""
-    from scipy.io import savemat
-
     data = motion.to_xarray()
     content: dict[str, Any] = {str(name): values.values for name, values in data.data_vars.items()}
     content |= {"t": motion.t[:, None], "arm": motion.arm.name}
@@ -148,7 +147,7 @@ def _mat(motion: Motion) -> bytes:
     content |= {name: np.array(words, dtype=object) for name, words in names.items()}
     content["units"] = {str(name): values.attrs["units"] for name, values in data.data_vars.items()}
     file: Any = io.BytesIO()  # which the stubs of scipy do not know
-    savemat(file, content, long_field_names=True)
+    scipy.io.savemat(file, content, long_field_names=True)
     return bytes(file.getvalue())
 
 

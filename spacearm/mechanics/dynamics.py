@@ -27,6 +27,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 import pinocchio as pin
+import scipy
 
 from spacearm import results
 from spacearm.arrays import Array, ArrayLike, finite, positive
@@ -248,13 +249,11 @@ def generalized_velocity(
     Raises:
         ModelError: The momentum matrix is singular.
     """
-    from scipy.linalg.lapack import dgesv  # imports half of scipy
-
     f, dq = free_components(mode), joint_vector(cfg.arm, dq, "dq")
     v = np.concatenate((np.zeros(6), dq))
     h = cfg.momentum - cfg.stored - cfg.A[:, 6:] @ dq
     if f:
-        *_, v[:f], info = dgesv(cfg.A[:f, :f], h[:f])
+        *_, v[:f], info = scipy.linalg.lapack.dgesv(cfg.A[:f, :f], h[:f])
         if info:
             D = cfg.A[3:, 3:6] @ cfg.base.rotation.T
             raise not_positive_definite(cfg.arm, D, D_LOCKED)
@@ -344,11 +343,9 @@ def solve(arm: SpaceArm, M: Array, b: Array, name: str) -> Array:
     Raises:
         ModelError: M, which is called `name`, is not positive definite.
     """
-    from scipy.linalg.lapack import dposv  # imports half of scipy
-
     if not len(M):
         return b
-    _, x, info = dposv(M, b)
+    _, x, info = scipy.linalg.lapack.dposv(M, b)
     if info:
         raise not_positive_definite(arm, M, name)
     return x

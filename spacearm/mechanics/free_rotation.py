@@ -20,8 +20,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
-from scipy.special import ellipkm1, elliprf
+import scipy
 
 from spacearm.arrays import Array, ArrayLike
 
@@ -105,8 +104,8 @@ def _spin(moments: Array, w: Array) -> _Spin | None:
     handed = 1.0 if axes == (0, 1, 2) else -1.0
     p = handed * A_d * (I_d - I_n) / I_s * to_s
     cos, sin = w_n / A_n, to_s * w_s / A_n
-    u0 = sin * elliprf(cos**2, cos**2 + m1 * sin**2, 1.0)
-    half = 2.0 * float(ellipkm1(m1))
+    u0 = sin * scipy.special.elliprf(cos**2, cos**2 + m1 * sin**2, 1.0)
+    half = 2.0 * float(scipy.special.ellipkm1(m1))
     u0 = u0 if cos >= 0.0 else math.copysign(half, sin) - u0
     return _Spin(axes, np.array([A_n, A_n / to_s, A_d]), p, float(u0), m1, half)
 
@@ -195,5 +194,5 @@ def _cosines(function: Callable[[Array], Array], period: float) -> Array:
 
 def _turned(v: Array) -> Array:
     """Return the rotations (..., 3, 3) of rotation vectors (..., 3)."""
-    R = Rotation.from_rotvec(v.reshape(-1, 3)).as_matrix()
+    R = scipy.spatial.transform.Rotation.from_rotvec(v.reshape(-1, 3)).as_matrix()
     return np.asarray(R).reshape(*v.shape, 3)

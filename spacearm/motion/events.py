@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 
 from spacearm.arrays import Array, named
 from spacearm.mechanics.distance import distance_at
@@ -88,8 +89,6 @@ def first_fall(
         a: When the step begins.
         b: When it ends.
     """
-    from scipy.optimize import brentq  # slow to import
-
     found = []
     for i in np.flatnonzero((before >= 0.0) & (after < 0.0)).tolist():
 
@@ -97,7 +96,7 @@ def first_fall(
             return float(values(t)[i])
 
         crosses = value(a) * value(b) <= 0.0
-        found.append((brentq(value, a, b, xtol=SHARPNESS * b) if crosses else a, i))
+        found.append((scipy.optimize.brentq(value, a, b, xtol=SHARPNESS * b) if crosses else a, i))
     if not found:
         return None
     t, which = min(found)

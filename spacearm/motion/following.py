@@ -15,10 +15,11 @@ from dataclasses import field, replace
 from functools import cached_property, partial
 from itertools import pairwise
 from numbers import Real
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
+import scipy
 
 from spacearm.arrays import Array, ArrayLike, finite, positive
 from spacearm.compiler import numbers
@@ -38,9 +39,6 @@ from spacearm.results import Description, Tone
 from spacearm.signatures import checked
 from spacearm.singularities.nearest import nearest_locally
 from spacearm.singularities.report import NO_INVERSE
-
-if TYPE_CHECKING:
-    from scipy.integrate import OdeSolver
 
 #: The corners of a polyline, or a function of path length [m].
 Path: TypeAlias = Sequence[Goal] | Array | Callable[[float], Goal]
@@ -167,8 +165,6 @@ def timed_curve(cfg: Configuration, path: Path, times: ArrayLike, at_rest: bool)
     Raises:
         ConfigurationError: Path or times do not make sense, or a path from t = 0 begins elsewhere.
     """
-    from scipy.interpolate import CubicSpline  # slow to import
-
     if callable(path):
         raise ConfigurationError("times are for a path of corners, not for a function of length")
     corners = [goal_pose(cfg, corner, f"path[{i}]") for i, corner in enumerate(path)]
@@ -186,7 +182,7 @@ def timed_curve(cfg: Configuration, path: Path, times: ArrayLike, at_rest: bool)
     turns = np.array([pin.SE3ToXYZQUAT(corner) for corner in corners])
     flips = np.sign((turns[1:, 3:] * turns[:-1, 3:]).sum(axis=1))
     turns[1:, 3:] *= np.cumprod(np.where(flips < 0.0, -1.0, 1.0))[:, None]
-    spline = CubicSpline(t, turns, bc_type="clamped" if at_rest else "not-a-knot")
+    spline = scipy.interpolate.CubicSpline(t, turns, bc_type="clamped" if at_rest else "not-a-knot")
 
     def pose(s: float) -> pin.SE3:
         x = spline(s)
@@ -342,10 +338,8 @@ class TipCurve:
         Raises:
             NoSolutionError: The integrator fails.
         """
-        from scipy.integrate import DOP853  # slow to import
-
         y = state_of(self.start, 0.0)
-        method: Callable[..., OdeSolver] = DOP853
+        method: Callable[..., scipy.integrate.OdeSolver] = scipy.integrate.DOP853
         solver = method(self.rate, 0.0, y, np.inf, rtol=RTOL, atol=ATOL)
         before, states = self.rooms(y), list[Array]()
         while True:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import pinocchio as pin
-from scipy.interpolate import BPoly, BSpline, CubicSpline, PPoly
+import scipy
 
 from spacearm.arrays import Array, ArrayLike, finite, numbers_of, plain, read_only, shape_of
 from spacearm.errors import ConfigurationError, listed
@@ -166,7 +166,7 @@ class Motion(Result):
         return len(self.t)
 
     @cached_property
-    def spline(self) -> PPoly:
+    def spline(self) -> scipy.interpolate.PPoly:
         """Joint positions (n,) over time as `sa.Tracking` flies them, through the rows.
 
         Through their rates and accelerations too, where these are its own, not differenced.
@@ -175,12 +175,14 @@ class Motion(Result):
         inner = [jump for jump in self.jumps if begin < jump.t < end]
         known = {"dq", "ddq"} <= {each.name for each in fields(self)}
         if not known or len(self) == 1 or inner:
-            return CubicSpline(self.t, self.q)
+            return scipy.interpolate.CubicSpline(self.t, self.q)
         rows = np.stack((self.q, self.dq, self.ddq), axis=1)
-        return PPoly.from_bernstein_basis(BPoly.from_derivatives(self.t, rows))
+        return scipy.interpolate.PPoly.from_bernstein_basis(
+            scipy.interpolate.BPoly.from_derivatives(self.t, rows)
+        )
 
     @cached_property
-    def wheel_spline(self) -> BSpline | None:
+    def wheel_spline(self) -> scipy.interpolate.BSpline | None:
         """What wheels hold (w,) over time [N m s], where their torques are part of the motion."""
         return None
 

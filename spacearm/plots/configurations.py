@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.closure.held_report import HeldReport
-from spacearm.closure.holding import Held
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.model.arm import Configuration, SpaceArm
@@ -17,8 +15,12 @@ from spacearm.plots import style
 from spacearm.plots.triangles import bare, draw_bodies, draw_target, stand_ins
 from spacearm.singularities.nearest import NearestSingular
 from spacearm.singularities.report import singularity
-from spacearm.uncertainty.intervals import UncertainArm
-from spacearm.workspaces.path_dependent import Region
+
+if TYPE_CHECKING:
+    from spacearm.closure.held_report import HeldReport
+    from spacearm.closure.holding import Held
+    from spacearm.uncertainty.intervals import UncertainArm
+    from spacearm.workspaces.path_dependent import Region
 
 #: Share of a chain's length below which a link is too short for a label.
 LEAST = 0.08
@@ -26,7 +28,7 @@ LEAST = 0.08
 SIZE = (7.2, 6.0)
 
 
-@style.draws(Configuration)
+@style.draws()
 def draw_configuration(
     cfg: Configuration,
     ax: Any,
@@ -54,7 +56,7 @@ def draw_configuration(
     return axes
 
 
-@style.draws(Held, HeldReport, size=SIZE, spatial=lambda result: not in_plane(result.configuration))
+@style.draws(size=SIZE, spatial=lambda result: not in_plane(result.configuration))
 def draw_held(result: Held | HeldReport, axes: Any) -> None:
     """Draw the arms and what they hold.
 
@@ -69,7 +71,7 @@ def draw_held(result: Held | HeldReport, axes: Any) -> None:
     style.entitle(axes, result.describe().headline)
 
 
-@style.draws(SpaceArm)
+@style.draws()
 def draw_arm(arm: SpaceArm, ax: Any, *, color: str = style.GREY, label: bool = True) -> Any:
     """Draw an arm with all joints at zero, or at the limit next to zero.
 
@@ -134,7 +136,7 @@ def draw_posture(
     style.equal_axes(axes, "".join("xyz"[i] for i in rows))
 
 
-@style.draws(UncertainArm)
+@style.draws()
 def draw_uncertain(result: UncertainArm, ax: Any) -> Any:
     """Draw the arm as described.
 
@@ -145,9 +147,7 @@ def draw_uncertain(result: UncertainArm, ax: Any) -> Any:
     return draw_arm(result.arm, ax)
 
 
-@style.draws(
-    VirtualManipulator, size=SIZE, spatial=lambda result: len(style.flat_rows(result.points)) == 3
-)
+@style.draws(size=SIZE, spatial=lambda result: len(style.flat_rows(result.points)) == 3)
 def draw_virtual_manipulator_alone(result: VirtualManipulator, axes: Any) -> None:
     """Draw the chain of constant links from the system CM to the tip.
 
@@ -160,7 +160,7 @@ def draw_virtual_manipulator_alone(result: VirtualManipulator, axes: Any) -> Non
     style.entitle(axes, f"Virtual Manipulator: links of {lengths} m")
 
 
-@style.draws(Barycentric)
+@style.draws()
 def draw_barycentric(result: Barycentric, ax: Any, *, chain: bool = True) -> Any:
     """Draw the bodies' CMs, their barycentres, equation (8), and the Virtual Manipulator.
 
@@ -192,7 +192,7 @@ def draw_barycentric(result: Barycentric, ax: Any, *, chain: bool = True) -> Any
     return axes
 
 
-@style.draws(Region)
+@style.draws()
 def draw_region(result: Region, ax: Any) -> Any:
     """Draw what can happen at a point: the singular postures that reach it, or its distance alone.
 
@@ -218,9 +218,7 @@ def draw_region(result: Region, ax: Any) -> Any:
     return axes
 
 
-@style.draws(
-    NearestSingular, size=SIZE, spatial=lambda result: not in_plane(result.arm.at(result.q))
-)
+@style.draws(size=SIZE, spatial=lambda result: not in_plane(result.arm.at(result.q)))
 def draw_nearest(result: NearestSingular, axes: Any) -> None:
     """Draw the posture and, in red, the nearest singular one that was found.
 

@@ -135,8 +135,8 @@ def _draw_runs(result: xr.Dataset, ax: Any) -> Any:
     return times
 
 
-@style.draws(dict, np.ndarray)
-def draw_rows(result: dict[str, Array] | Array, ax: Any) -> Any:
+@style.draws()
+def draw_rows(result: dict[str, Array] | np.ndarray[Any, Any], ax: Any) -> Any:
     """Draw numbers of many configurations over their rows: each quantity in a panel of its own.
 
     Args:

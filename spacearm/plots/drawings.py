@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -13,22 +12,28 @@ from matplotlib.figure import Figure
 from spacearm.errors import ConfigurationError
 from spacearm.plots import configurations, datasets, maps, mission, motions, reports, workspaces
 from spacearm.plots.style import DRAWINGS
-from spacearm.results import Described
 from spacearm.signatures import shown
 
 #: All that draw: they are entered in `DRAWINGS` when they are imported.
 MODULES = (configurations, datasets, maps, mission, motions, reports, workspaces)
+#: Packages whose classes are drawn.
+HOMES = ("spacearm", "numpy", "xarray", "builtins")
+#: Classes that stand for what else is drawn.
+OTHERS = {"Described", "dict", "ndarray", "Dataset"}
+
+
+def kinds_of(thing: object) -> list[str]:
+    """Return the names of the classes that a thing is of, its own first."""
+    kinds = type(thing).__mro__
+    return [kind.__name__ for kind in kinds if kind.__module__.partition(".")[0] in HOMES]
 
 
 def drawing_of(thing: object) -> Callable[..., Any]:
     """Return what draws a thing."""
-    if "xarray" in sys.modules:  # else the thing cannot be a dataset
-        DRAWINGS.setdefault(sys.modules["xarray"].Dataset, datasets.draw_dataset)
-    for kind in type(thing).__mro__:
+    for kind in kinds_of(thing):
         if kind in DRAWINGS:
             return DRAWINGS[kind]
-    own = {kind for kind in DRAWINGS if kind.__module__.startswith("spacearm.")} - {Described}
-    names = sorted(kind.__name__ for kind in own)
+    names = sorted(DRAWINGS.keys() - OTHERS)
     raise ConfigurationError(
         f"there is no drawing of {shown(thing)}; what can be drawn: "
         f"{', '.join(names)}, the arrays of evaluate, the datasets of design, sweep and "
@@ -39,8 +44,8 @@ def drawing_of(thing: object) -> Callable[..., Any]:
 def drawn_of(thing: object) -> object:
     """Return what is drawn of a thing: of the plan and the proof of `robust_plan` the plan."""
     if type(thing) is tuple:
-        own = DRAWINGS.keys() - {Described}
-        parts = [part for part in thing if not own.isdisjoint(type(part).__mro__)]
+        own = DRAWINGS.keys() - {"Described"}
+        parts = [part for part in thing if not own.isdisjoint(kinds_of(part))]
         return parts[0] if len(parts) == 1 else thing
     return thing
 

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from itertools import combinations, product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.patches import Rectangle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
-from spacearm.closure.held_report import ClosedMap
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.model.arm import SpaceArm
-from spacearm.planning.result import Connection
 from spacearm.plots import style
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.singularities.abstract_set import SingularSet
-from spacearm.singularities.box_graph import FreeBoxes
-from spacearm.singularities.joint_boxes import FreeBox
-from spacearm.singularities.map import SingularMap
+
+if TYPE_CHECKING:
+    from spacearm.closure.held_report import ClosedMap
+    from spacearm.planning.result import Connection
+    from spacearm.singularities.box_graph import FreeBoxes
+    from spacearm.singularities.joint_boxes import FreeBox
+    from spacearm.singularities.map import SingularMap
 
 #: Distance beyond which the colours of a map do not change [deg].
 FAR = 45.0
@@ -35,7 +37,7 @@ BINS = 18
 MOST_SAMPLED, MOST_FOUND = 4000, 200
 
 
-@style.draws(SingularMap, size=(7.2, 6.0))
+@style.draws(size=(7.2, 6.0))
 def draw_map(result: SingularMap, axes: Any, *, box: FreeBox | None = None) -> None:
     """Draw the distance to first order over two joints, with the exact curves where known.
 
@@ -65,7 +67,7 @@ def draw_map(result: SingularMap, axes: Any, *, box: FreeBox | None = None) -> N
     style.entitle(axes, f"{result.arm}: {what}{where}")
 
 
-@style.draws(ClosedMap, size=(7.2, 6.0))
+@style.draws(size=(7.2, 6.0))
 def draw_closed_map(result: ClosedMap, axes: Any) -> None:
     """Draw how far singular postures are while what is held moves in two directions.
 
@@ -95,7 +97,7 @@ def _draw_distance(axes: Any, x: Array, y: Array, distance: Array) -> None:
     axes.figure.colorbar(image, ax=axes, label=FIRST_ORDER, shrink=0.9, extend=beyond)
 
 
-@style.draws(SingularSet)
+@style.draws()
 def draw_singular_set(result: SingularSet, ax: Any) -> Any:
     """Draw a singular set over the joints that matter to it.
 
@@ -245,7 +247,7 @@ def _on_screen(curve: Array) -> Array:
 POINTS = 361
 
 
-@style.draws(TrigPolynomial)
+@style.draws()
 def draw_polynomial(result: TrigPolynomial, ax: Any) -> Any:
     """Draw a polynomial of one or two angles with its zeros, one of more by its coefficients.
 
@@ -301,7 +303,7 @@ def _draw_coefficients(axes: Any, S: TrigPolynomial) -> None:
     style.write_powers(axes.yaxis)
 
 
-@style.draws(FreeBox)
+@style.draws()
 def draw_free_box(result: FreeBox, ax: Any) -> Any:
     """Draw the range of each joint that is proven free, in its limits or in one turn.
 
@@ -329,7 +331,7 @@ def draw_free_box(result: FreeBox, ax: Any) -> Any:
     return axes
 
 
-@style.draws(FreeBoxes, size=(7.2, 5.2))
+@style.draws(size=(7.2, 5.2))
 def draw_free_boxes(result: FreeBoxes, axes: Any) -> None:
     """Draw the boxes over two joints; of more joints the share that the largest of them cover.
 
@@ -359,7 +361,7 @@ def draw_free_boxes(result: FreeBoxes, axes: Any) -> None:
     )
 
 
-@style.draws(Connection, size=(7.2, 4.6))
+@style.draws(size=(7.2, 4.6))
 def draw_connection(result: Connection, axes: Any) -> None:
     """Draw the joints along the path that connects both postures.
 

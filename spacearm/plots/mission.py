@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.patches import Wedge
 
 from spacearm.arrays import Array
-from spacearm.mission.attitudes import FeasibleAttitudes
-from spacearm.mission.budget import MomentumBudget
-from spacearm.mission.catch_report import Catch
-from spacearm.mission.dispersions import MISSES, CatchRuns
-from spacearm.mission.level import LevelEnvelope, LevelReach
-from spacearm.mission.reactions import PERCENTILES, Reaction, WheelSizing
 from spacearm.plots import style
 
+if TYPE_CHECKING:
+    from spacearm.mission.attitudes import FeasibleAttitudes
+    from spacearm.mission.budget import MomentumBudget
+    from spacearm.mission.catch_report import Catch
+    from spacearm.mission.dispersions import CatchRuns
+    from spacearm.mission.level import LevelEnvelope, LevelReach
+    from spacearm.mission.reactions import Reaction, WheelSizing
 
-@style.draws(FeasibleAttitudes)
+
+@style.draws()
 def draw_attitudes(result: FeasibleAttitudes, ax: Any) -> Any:
     """Draw the feasible attitudes: a ring of a planar arm, a map of directions of others.
 
@@ -37,7 +39,7 @@ def draw_attitudes(result: FeasibleAttitudes, ax: Any) -> Any:
     return axes
 
 
-@style.draws(Catch, size=(8.0, 7.2), panels=lambda whole: whole.subplots(3, 1, sharex=True))
+@style.draws(size=(8.0, 7.2), panels=lambda whole: whole.subplots(3, 1, sharex=True))
 def draw_catch(result: Catch, panels: Any) -> None:
     """Draw over time how near the grapple frame and the singular set are, and the joint rates.
 
@@ -80,7 +82,7 @@ def draw_catch(result: Catch, panels: Any) -> None:
     )
 
 
-@style.draws(CatchRuns, size=(6.8, 4.2))
+@style.draws(size=(6.8, 4.2))
 def draw_catch_runs(result: CatchRuns, axes: Any) -> None:
     """Draw how the errors at contact are distributed, over what the envelope allows.
 
@@ -89,17 +91,17 @@ def draw_catch_runs(result: CatchRuns, axes: Any) -> None:
         axes: Where it is drawn.
     """
     shares = np.linspace(0.0, 100.0, len(result.caught))
-    words = ("place", "angle", "velocity", "angular velocity")
-    for name, word, color in zip(MISSES, words, style.COLOURS, strict=False):
+    words = {"place": "place", "turn": "angle", "velocity": "velocity", "rate": "angular velocity"}
+    for name, color in zip(words, style.COLOURS, strict=False):
         off = np.sort(getattr(result, name)) / getattr(result.envelope, name)
-        axes.plot(off, shares, color=color, label=word)
+        axes.plot(off, shares, color=color, label=words[name])
     axes.axvline(1.0, color=style.GREY, ls="--", label="envelope")
     axes.set(xlabel="at contact, over the envelope", ylabel="runs [%]", xlim=(0.0, None))
     style.legend_beside(axes)
     style.entitle(axes, f"{result.catch.arm.name}: {result.share:.1%} of {len(shares)} runs caught")
 
 
-@style.draws(Reaction, size=(8.0, 8.4), panels=lambda whole: whole.subplots(4, 1, sharex=True))
+@style.draws(size=(8.0, 8.4), panels=lambda whole: whole.subplots(4, 1, sharex=True))
 def draw_reaction(result: Reaction, panels: Any) -> None:
     """Draw over time what the spacecraft does, and what holding it takes.
 
@@ -126,7 +128,7 @@ def draw_reaction(result: Reaction, panels: Any) -> None:
     )
 
 
-@style.draws(WheelSizing, size=(7.2, 4.6))
+@style.draws(size=(7.2, 4.6))
 def draw_wheel_sizing(result: WheelSizing, axes: Any) -> None:
     """Draw which share of the cases a momentum of the wheels covers.
 
@@ -142,7 +144,7 @@ def draw_wheel_sizing(result: WheelSizing, axes: Any) -> None:
         reached = np.sort(along)
         axes.plot(np.append(reached[0], reached), np.append(0.0, share), color=color, lw=width,
                   label=f"about {name}")  # fmt: skip
-    axes.axvline(np.percentile(result.momentum, PERCENTILES[-2]), color=style.RED, lw=1, ls=":")
+    axes.axvline(np.percentile(result.momentum, 99.0), color=style.RED, lw=1, ls=":")
     axes.set(xlabel="momentum of the wheels [N m s]", ylabel=f"{result.cases} covered [%]")
     axes.set_ylim(0.0, 101.0)
     axes.legend(frameon=False)
@@ -202,7 +204,7 @@ def _draw_directions(axes: Any, result: FeasibleAttitudes) -> None:
     )
 
 
-@style.draws(LevelReach, size=(6.8, 6.2), spatial=lambda result: result.axis is None)
+@style.draws(size=(6.8, 6.2), spatial=lambda result: result.axis is None)
 def draw_level(result: LevelReach, axes: Any) -> None:
     """Draw where the tip can go with a level spacecraft.
 
@@ -229,7 +231,7 @@ def draw_level(result: LevelReach, axes: Any) -> None:
     )
 
 
-@style.draws(LevelEnvelope, size=(10.0, 4.4), panels=lambda whole: whole.subplots(1, 2))
+@style.draws(size=(10.0, 4.4), panels=lambda whole: whole.subplots(1, 2))
 def draw_envelope(result: LevelEnvelope, panels: Any) -> None:
     """Draw reach and turn over the mass of the bus.
 
@@ -261,9 +263,7 @@ def draw_envelope(result: LevelEnvelope, panels: Any) -> None:
     style.entitle(reach, f"{result.arm.name}: mean over directions, dotted the worst")
 
 
-@style.draws(
-    MomentumBudget, size=(10.0, 4.2), panels=lambda whole: whole.subplots(1, 2, sharey=True)
-)
+@style.draws(size=(10.0, 4.2), panels=lambda whole: whole.subplots(1, 2, sharey=True))
 def draw_budget(result: MomentumBudget, panels: Any) -> None:
     """Draw the joints over time while they hold the tip, and while they hold the spacecraft.
 

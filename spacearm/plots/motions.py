@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from itertools import cycle
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 from matplotlib.patches import Circle
 
 from spacearm.arrays import Array, ArrayLike, finite, shape_of
-from spacearm.closure.regrasping import Regrasp
-from spacearm.collisions.obstacles import Obstacle
-from spacearm.collisions.separation import CollisionReport
 from spacearm.collisions.solids import corners
 from spacearm.description.shapes import faces
 from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration
-from spacearm.motion.flights import Flight
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
 from spacearm.plots import style
@@ -25,7 +21,13 @@ from spacearm.plots.configurations import draw_posture
 from spacearm.plots.triangles import draw_solids, draw_target, placed, stand_ins
 from spacearm.plots.workspaces import draw_ring
 from spacearm.results import short_names
-from spacearm.workspaces.path_dependent import Workspace
+
+if TYPE_CHECKING:
+    from spacearm.closure.regrasping import Regrasp
+    from spacearm.collisions.obstacles import Obstacle
+    from spacearm.collisions.separation import CollisionReport
+    from spacearm.motion.flights import Flight
+    from spacearm.workspaces.path_dependent import Workspace
 
 #: Opacities of the postures that are drawn behind the tip path, from its start to its end.
 FADES = (0.15, 0.25, 0.35, 0.55)
@@ -33,7 +35,7 @@ FADES = (0.15, 0.25, 0.35, 0.55)
 FAR = 45.0
 
 
-@style.draws(Motion, Regrasp)
+@style.draws()
 def draw_motion(
     motion: Motion | Regrasp,
     ax: Any,
@@ -56,7 +58,7 @@ def draw_motion(
     Raises:
         ConfigurationError: The target has another shape or is not finite.
     """
-    motion = motion.motion if isinstance(motion, Regrasp) else motion
+    motion = motion if isinstance(motion, Motion) else motion.motion
     mark = None if target is None else _in_picture(motion, target)
     held = getattr(motion, "wheels", np.empty((len(motion), 0)))
     spatial = motion.arm.tree.plane_normal() is None
@@ -85,7 +87,7 @@ def draw_motion(
     return path
 
 
-@style.draws(Flight, size=(8.6, 8.4), panels=lambda whole: whole.subplots(5, 1, sharex=True))
+@style.draws(size=(8.6, 8.4), panels=lambda whole: whole.subplots(5, 1, sharex=True))
 def draw_flight(flight: Flight, panels: Any) -> None:
     """Draw the time line of a flight: joint rates, margin, turning, wheels, forces at the tip.
 
@@ -280,7 +282,7 @@ def _solids_of(obstacle: Obstacle, t: float, along: Array) -> list[tuple[Array, 
     ]
 
 
-@style.draws(Target, Obstacle, size=(6.4, 5.6), spatial=lambda _: True)
+@style.draws(size=(6.4, 5.6), spatial=lambda _: True)
 def draw_alone(thing: Target | Obstacle, axes: Any) -> None:
     """Draw a target or an obstacle where it is at time 0, in inertial axes.
 
@@ -296,7 +298,7 @@ def draw_alone(thing: Target | Obstacle, axes: Any) -> None:
     style.entitle(axes, f"{thing.name} at 0 s")
 
 
-@style.draws(CollisionReport, size=(7.0, 4.0))
+@style.draws(size=(7.0, 4.0))
 def draw_collision_report(result: CollisionReport, axes: Any) -> None:
     """Draw the least distance between bodies, less the margins of obstacles: over time, if any.
 

@@ -27,7 +27,7 @@ TONES = {"good": style.GREEN, "caution": style.ORANGE, "bad": style.RED}
 DECADES = 1e-3
 
 
-@style.draws(SingularityReport)
+@style.draws()
 def draw_report(result: SingularityReport, ax: Any) -> Any:
     """Draw the posture, the singular values, and the direction of the tip that belongs to each.
 
@@ -67,7 +67,7 @@ def draw_report(result: SingularityReport, ax: Any) -> Any:
     return posture
 
 
-@style.draws(Capture)
+@style.draws()
 def draw_capture(result: Capture, ax: Any) -> Any:
     """Draw arm and target at the grasp, and joint rates and the spacecraft's twist just after it.
 
@@ -98,7 +98,7 @@ def draw_capture(result: Capture, ax: Any) -> Any:
     return posture
 
 
-@style.draws(Dynamics, size=(10.0, 6.0), panels=lambda whole: whole.subplots(2, 2).ravel())
+@style.draws(size=(10.0, 6.0), panels=lambda whole: whole.subplots(2, 2).ravel())
 def draw_dynamics(result: Dynamics, panels: Any) -> None:
     """Draw joint torques and accelerations, the spacecraft's acceleration and the reaction.
 
@@ -114,7 +114,7 @@ def draw_dynamics(result: Dynamics, panels: Any) -> None:
     _bars(reaction, ROWS, result.reaction, "[N], [N m]", "Reaction on a held spacecraft")
 
 
-@style.draws(MomentumMatrix)
+@style.draws()
 def draw_momentum_matrix(result: MomentumMatrix, ax: Any) -> Any:
     """Draw A_b and A_q side by side as one matrix.
 
@@ -135,7 +135,7 @@ def draw_momentum_matrix(result: MomentumMatrix, ax: Any) -> Any:
     return axes
 
 
-@style.draws(PrescribedMotion)
+@style.draws()
 def draw_prescribed_motion(result: PrescribedMotion, ax: Any) -> Any:
     """Draw the Jacobian of the free joints, and the drift that the prescribed ones cause.
 
@@ -150,7 +150,7 @@ def draw_prescribed_motion(result: PrescribedMotion, ax: Any) -> Any:
     return axes
 
 
-@style.draws(ErrorBars)
+@style.draws()
 def draw_error_bars(result: ErrorBars, ax: Any) -> Any:
     """Draw the bounds for the rounding errors of the entries of J*.
 
@@ -224,7 +224,7 @@ def _draw_matrix(axes: Any, values: Array, rows: Sequence[str], columns: Sequenc
     axes.set_yticks(range(len(rows)), rows)
 
 
-@style.draws(Described)
+@style.draws()
 def draw_card(result: Described, ax: Any) -> Any:
     """Write what has no picture of its own on a card: verdict, numbers, what is not checked.
 

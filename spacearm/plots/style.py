@@ -37,8 +37,8 @@ STYLE: Any = {  # Matplotlib's stubs accept literal names only
     "svg.hashsalt": "spacearm",
     "text.parse_math": False,  # names may hold dollar signs
 }
-#: What draws each kind of result; see `draws`.
-DRAWINGS: dict[type, Callable[..., Any]] = {}
+#: What draws each kind of result, by the name of its class; see `draws`.
+DRAWINGS: dict[str, Callable[..., Any]] = {}
 #: Size of figures in notebooks.
 PIXELS_PER_INCH = 90
 #: Most intervals between ticks, in the plane and in space: their labels then do not touch.
@@ -66,15 +66,16 @@ def style() -> Iterator[None]:
 
 
 def draws(
-    *kinds: type,
+    *,
     size: tuple[float, float] | None = None,
     panels: Callable[[Any], Sequence[Any]] | None = None,
     spatial: Callable[[Any], bool] = lambda _: False,
 ) -> Callable[[F], F]:
-    """Make a function what draws kinds of results, in the style of the project.
+    """Make a function what draws the kinds of results that its first annotation names.
+
+    It draws in the style of the project. The classes need not be imported.
 
     Args:
-        *kinds: The types of the results.
         size: Width and height of a new figure [inch] for a function that is given where it draws;
             None for one that is given what the caller gave, and returns its first panel.
         panels: Makes the panels in a figure or subfigure; None for one panel.
@@ -94,7 +95,8 @@ def draws(
                 draw(thing, where if panels else where[0], **options)
                 return where[0].figure
 
-        DRAWINGS.update(dict.fromkeys(kinds, styled))
+        for kind in next(iter(draw.__annotations__.values())).split(" | "):
+            DRAWINGS[kind.partition("[")[0].rpartition(".")[2]] = styled
         return draw
 
     return register

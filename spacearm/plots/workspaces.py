@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.patches import Annulus, Circle
@@ -12,9 +12,11 @@ from spacearm.arrays import Array
 from spacearm.mechanics.batch import tips_from_centre
 from spacearm.plots import style
 from spacearm.singularities.risk import PoseRisk, RiskProfile, nearness
-from spacearm.uncertainty.identification import NAMES, Identified
-from spacearm.uncertainty.robust import DistanceRange, ShellBands
-from spacearm.workspaces.path_dependent import Workspace
+
+if TYPE_CHECKING:
+    from spacearm.uncertainty.identification import Identified
+    from spacearm.uncertainty.robust import DistanceRange, ShellBands
+    from spacearm.workspaces.path_dependent import Workspace
 
 #: Axes of risks.
 BY_DISTANCE: Any = {
@@ -24,7 +26,7 @@ BY_DISTANCE: Any = {
 }
 
 
-@style.draws(Workspace)
+@style.draws()
 def draw_workspace(
     result: Workspace,
     ax: Any,
@@ -62,7 +64,7 @@ def draw_workspace(
     return space
 
 
-@style.draws(RiskProfile, size=(7.2, 4.4))
+@style.draws(size=(7.2, 4.4))
 def draw_profile(result: RiskProfile, axes: Any) -> None:
     """Draw the share of configurations near a singularity over the distance from the CM.
 
@@ -79,7 +81,7 @@ def draw_profile(result: RiskProfile, axes: Any) -> None:
     style.entitle(axes, f"postures {nearness(result)}")
 
 
-@style.draws(PoseRisk, size=(7.2, 4.4))
+@style.draws(size=(7.2, 4.4))
 def draw_pose_risk(result: PoseRisk, axes: Any) -> None:
     """Draw the share of near-singular configurations of each pose over its distance from the CM.
 
@@ -194,7 +196,7 @@ def _title(result: Workspace) -> str:
     return f"{result.arm.name}, {result.mode}: {share} ({result.kind})"
 
 
-@style.draws(DistanceRange, size=(7.2, 4.2))
+@style.draws(size=(7.2, 4.2))
 def draw_distance_range(result: DistanceRange, axes: Any) -> None:
     """Draw how the distances of all arms tried are spread.
 
@@ -210,7 +212,7 @@ def draw_distance_range(result: DistanceRange, axes: Any) -> None:
     style.entitle(axes, f"{result.tried} arms: {low:.4g}° to {high:.4g}°")
 
 
-@style.draws(ShellBands, size=(6.6, 6.2))
+@style.draws(size=(6.6, 6.2))
 def draw_shell_bands(result: ShellBands, axes: Any) -> None:
     """Draw where the workspace is path dependent for all arms tried, and for some.
 
@@ -231,7 +233,7 @@ def draw_shell_bands(result: ShellBands, axes: Any) -> None:
     style.entitle(axes, f"{result.tried} arms")
 
 
-@style.draws(Identified, size=(6.4, 3.6))
+@style.draws(size=(6.4, 3.6))
 def draw_identified(result: Identified, axes: Any) -> None:
     """Draw the ten parameters with two standard deviations, over mass and radius of gyration.
 
@@ -239,6 +241,8 @@ def draw_identified(result: Identified, axes: Any) -> None:
         result: What was identified.
         axes: Where it is drawn.
     """
+    from spacearm.uncertainty.identification import NAMES  # slow to import
+
     size = result.sizes
     deviations = np.sqrt(result.covariance.diagonal()) / size
     moved = np.abs(result.unexcited).max(axis=0, initial=0.0) > 0.01

@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+import scipy
 
 from spacearm.arrays import Array, Integers
 from spacearm.polynomial.jets import Jets
@@ -334,11 +335,11 @@ class _Path:
 
     def root(self, low: float, high: float) -> float:
         """Find the one root between positions where the one polynomial has different signs."""
-        from scipy.optimize import brentq  # slow to import
-
         i = int(low)
         ends = low - i, high - i
-        return i + float(brentq(lambda t: self.along(i, t)[0][0], *ends, xtol=1e-15, rtol=1e-15))
+        return i + float(
+            scipy.optimize.brentq(lambda t: self.along(i, t)[0][0], *ends, xtol=1e-15, rtol=1e-15)
+        )
 
     def best(self, s: float) -> float:
         """Return the position near s at which the polynomials are least, by Gauss-Newton steps."""

@@ -19,6 +19,7 @@ from itertools import combinations, permutations, product
 from typing import NamedTuple, cast
 
 import numpy as np
+import scipy
 
 from spacearm.arrays import Array, Booleans, Integers
 from spacearm.polynomial.newton import iterate, onto, polish
@@ -73,12 +74,9 @@ def surface(S: TrigPolynomial, resolution: float = 0.0) -> Mesh:
 
 def connected(points: Array, edges: Integers) -> list[Array]:
     """Return the connected pieces of points (m, n), of which pairs (e, 2) are neighbours."""
-    from scipy.sparse import csr_array  # slow to import
-    from scipy.sparse.csgraph import connected_components
-
     m, ends = len(points), (edges[:, 0], edges[:, 1])
-    graph = csr_array((np.ones(len(edges)), ends), shape=(m, m))
-    _, labels = connected_components(graph, directed=False)
+    graph = scipy.sparse.csr_array((np.ones(len(edges)), ends), shape=(m, m))
+    _, labels = scipy.sparse.csgraph.connected_components(graph, directed=False)
     return [points[labels == label] for label in np.unique(labels)]
 
 

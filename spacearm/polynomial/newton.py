@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 
 from spacearm.arrays import Array
 from spacearm.polynomial.jets import Jets, Pointwise, stacked
@@ -101,11 +102,9 @@ def bounded_extreme(
     Sequential quadratic programming finds the active limits, in short runs so that it stays on its
     piece of the set. Newton's method on the free joints then gives all digits.
     """
-    from scipy.optimize import minimize  # slow to import
-
     objective, on_roots = Pointwise(F), [Pointwise(S, S.scale) for S in equations]
     on_set: Any = [{"type": "eq", "fun": S, "jac": S.gradient} for S in on_roots]
-    search: Any = minimize  # its stubs are for functions of float64 only
+    search: Any = scipy.optimize.minimize  # its stubs are for functions of float64 only
     options, x = {"maxiter": 50, "ftol": 1e-12 * F.scale}, start
     least, most = box if box else (np.full(len(x), -np.inf), np.full(len(x), np.inf))
     for _ in range(MOST_WAYS):

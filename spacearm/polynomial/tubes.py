@@ -11,14 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import factorial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from spacearm.arrays import Array, Booleans, Integers
-
-if TYPE_CHECKING:
-    from scipy.interpolate import PPoly
 
 #: Share of a distance that bounds its rounding.
 ROUNDING = 1e-9
@@ -34,7 +32,7 @@ def straight(rows: Array) -> Array:
     return np.stack((rows[:-1], rows[1:]), axis=1) if len(rows) > 1 else rows[:, None]
 
 
-def of_spline(spline: PPoly, off: float) -> Array:
+def of_spline(spline: scipy.interpolate.PPoly, off: float) -> Array:
     """Return control points (m, d + 1, n) of a piecewise polynomial, close to their chords.
 
     Args:
@@ -53,11 +51,9 @@ def of_spline(spline: PPoly, off: float) -> Array:
     return _bernstein(type(spline)(np.array(slopes), knots))
 
 
-def _bernstein(spline: PPoly) -> Array:
+def _bernstein(spline: scipy.interpolate.PPoly) -> Array:
     """Return the Bernstein coefficients (m, d + 1, n) of a piecewise polynomial."""
-    from scipy.interpolate import BPoly  # slow to import
-
-    return np.moveaxis(BPoly.from_power_basis(spline).c, 0, 1)
+    return np.moveaxis(scipy.interpolate.BPoly.from_power_basis(spline).c, 0, 1)
 
 
 def to_chord(points: Array, start: Array, end: Array) -> Array:

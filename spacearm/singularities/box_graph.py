@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse as sp
+import scipy
 
 from spacearm.arrays import Array, ArrayLike, Booleans, Integers, Progress, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, StoppedError, StoreError
@@ -110,13 +110,13 @@ class FreeBoxes(Result):
         return float(self.volumes.sum())
 
     @cached_property
-    def _graph(self) -> sp.csr_matrix:
+    def _graph(self) -> scipy.sparse.csr_matrix:
         """The distances between the centres of boxes that share a part of a face."""
         one, other = _neighbours(self.cells, self.endless).T
         middle = 0.5 * (self.lower + self.upper)
         way = (middle[other] + self._turns(one, other) - middle[one]) / joint_scales(self.arm)
         size = np.linalg.norm(way, axis=1)
-        graph = sp.coo_matrix((size, (one, other)), (len(middle), len(middle))).tocsr()
+        graph = scipy.sparse.coo_matrix((size, (one, other)), (len(middle), len(middle))).tocsr()
         return graph.maximum(graph.T)
 
     @cached_property
@@ -126,9 +126,7 @@ class FreeBoxes(Result):
         Two boxes of one part are joined by a way that is free. Boxes of two parts may be joined
         by one that is not covered.
         """
-        from scipy.sparse.csgraph import connected_components  # slow to import
-
-        number, labels = connected_components(self._graph, directed=False)
+        number, labels = scipy.sparse.csgraph.connected_components(self._graph, directed=False)
         sizes = np.bincount(labels, weights=self.volumes, minlength=number)
         rank = np.empty(number, dtype=np.int64)
         rank[np.argsort(-sizes, kind="stable")] = np.arange(number)
@@ -174,12 +172,10 @@ class FreeBoxes(Result):
         Raises:
             NoSolutionError: q0 is in no box.
         """
-        from scipy.sparse.csgraph import dijkstra  # slow to import
-
         first, start = self._box_of(q0)
         held = ((i, self._held(q)) for i, q in enumerate(Q))
         ends = [(i, *found) for i, found in held if found is not None]
-        far, before = dijkstra(
+        far, before = scipy.sparse.csgraph.dijkstra(
             self._graph, directed=False, indices=np.array(first), return_predecessors=True
         )
         for i, last, end in sorted(ends, key=lambda one: float(far[one[1]])):

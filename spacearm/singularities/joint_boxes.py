@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from spacearm.arrays import (
     Array,
@@ -697,4 +697,4 @@ class Growth:
 
         if value(0.0) * value(1.0) >= 0.0:  # one of them is as good as zero
             return there
-        return here + brentq(value, 0.0, 1.0, xtol=1e-12) * (there - here)
+        return here + scipy.optimize.brentq(value, 0.0, 1.0, xtol=1e-12) * (there - here)

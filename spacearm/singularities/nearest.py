@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+import scipy
 
 from spacearm.arrays import Array, Booleans, Progress
 from spacearm.errors import NoSolutionError
@@ -287,8 +288,6 @@ def distances_found(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
         mode: What the spacecraft does.
         Q: (m, n) joint positions, in the order of a motion.
     """
-    from scipy.spatial import KDTree  # slow to import
-
     best = np.full(len(Q), np.inf if arm.n >= arm.task.k else 0.0)
     if not best.any():
         return best
@@ -303,7 +302,7 @@ def distances_found(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
         points = points[~np.isnan(points[:, 0])]
         if not len(points):
             break
-        distance, nearest = KDTree(points).query(at)
+        distance, nearest = scipy.spatial.KDTree(points).query(at)
         nearer = np.flatnonzero(distance < best * (1.0 - NEARER))
         best = np.minimum(best, distance)
         if passed == PASSES or not nearer.size:

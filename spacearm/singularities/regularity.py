@@ -28,6 +28,7 @@ from math import comb, factorial
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
+import scipy
 
 from spacearm.arrays import Array, Booleans, Integers, Progress
 from spacearm.equations.measures import columns
@@ -371,11 +372,9 @@ class Momenta:
 
 def _independent(arms: list[SpaceArm], middle: SpaceArm) -> tuple[list[SpaceArm], Array]:
     """Return arms with independent moments, and the factors (m, k) that combine them to all."""
-    from scipy.linalg import qr  # slow to import
-
     moments = np.array([_moments(arm) for arm in arms]) - _moments(middle)
     moments /= np.abs(moments).max(axis=0) + np.finfo(np.float64).tiny
-    _, R, order = qr(moments.T, pivoting=True, mode="economic")
+    _, R, order = scipy.linalg.qr(moments.T, pivoting=True, mode="economic")
     size = np.abs(np.diag(R))
     chosen = order[: int(np.count_nonzero(size > DEPENDENT * size[0]))]
     return [arms[i] for i in chosen], moments @ np.linalg.pinv(moments[chosen])

@@ -13,6 +13,7 @@ from numbers import Integral
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy
 
 from spacearm.arrays import Array, ArrayLike, Progress, generator, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
@@ -257,8 +258,6 @@ def pose_risk(
         >>> sa.pose_risk(sa.load("mda6"), poses=5, samples=500).share.shape
         (5,)
     """
-    from scipy.spatial import KDTree  # slow to import
-
     from spacearm.mechanics.floating import reactions
 
     poses, neighbours = whole(poses, "poses", 1), whole(neighbours, "neighbours", 1)
@@ -274,7 +273,7 @@ def pose_risk(
     centres = -np.einsum("mij,mi->mj", at.R, at.r)  # tip axes
     apart: Any
     near: Any
-    apart, near = KDTree(centres).query(centres[:poses], k=neighbours)
+    apart, near = scipy.spatial.KDTree(centres).query(centres[:poses], k=neighbours)
     apart, near = apart.reshape(poses, -1), near.reshape(poses, -1)
     share = (value[near] <= bound).mean(axis=1)
     return PoseRisk(centres[:poses], share, apart[:, -1], measure, bound, unit)

@@ -9,6 +9,7 @@ where a critical value of p has an extreme distance, so one test decides between
 from __future__ import annotations
 
 import numpy as np
+import scipy
 
 from spacearm.arrays import Array, Booleans
 from spacearm.mechanics.batch import tips_from_centre
@@ -67,7 +68,6 @@ class Reach:
     """
 
     def __init__(self, arm: SpaceArm, mode: BaseMode, box: Box, rng: np.random.Generator) -> None:
-        from scipy.spatial import KDTree  # slow to import
 
         normal = arm.tree.plane_normal()
         self.rows = [i for i in range(3) if i != normal]
@@ -77,7 +77,7 @@ class Reach:
         self.box = box
         self.Q = rng.uniform(box.low, box.high, (SAMPLE, arm.n))
         self.tips = self._position(self.Q)
-        self.tree = KDTree(self.tips)
+        self.tree = scipy.spatial.KDTree(self.tips)
         self.size = float(np.linalg.norm(self.tips, axis=1).max())
         self.directions = _directions(len(self.rows))
 
