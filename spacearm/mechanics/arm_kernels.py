@@ -193,9 +193,9 @@ class ArmKernel:
         """Compute all lanes; see `Kernel`. `lanes_of` numbers the arm of each lane."""
         given, looked = dict(numbers or {}), dict(tables or {})
         shapes = (
-            tuple((name, np.shape(values)[1:]) for name, values in inputs.items()),
+            tuple((name, values.shape[1:]) for name, values in inputs.items()),
             tuple((name, np.shape(values)) for name, values in given.items()),
-            tuple((name, np.shape(table)[1]) for name, table in looked.items()),
+            tuple((name, table.shape[1]) for name, table in looked.items()),
         )
         if shapes not in self._found:
             kernel, own = _kernel(self._arms, self._mode, self._special, shapes, self._what)

@@ -255,7 +255,7 @@ class Batch:
             bounds = len(self.setup.events) - len(setup.events)
             plant = self._plant[:, : self._plant.shape[1] - bounds]
             for name, values in (("laws", self._laws), ("plant", plant)):
-                same = (values == values[0]).all()
+                same = len(self) == 1 or (values == values[0]).all()
                 (shared if same else each)[name] = values[0] if same else values
             calls, options = dict(setup.called(self.n)), {"setup": setup, **options}
         arms = self.arms[:1] if function is states_within else self.arms
@@ -298,9 +298,13 @@ class Batch:
             out=(None, written), lanes=1 if len(self) == 1 else None,
             method=Method(implicit, implicit or self.dense, self.coupled),
         )  # fmt: skip
-        self.now[runs], self.y[np.ix_(runs, self.moving)] = np.split(found, [len(NOW)], axis=1)
+        self.now[runs], self.y[runs[:, None], self.moving] = (
+            found[:, : len(NOW)],
+            found[:, len(NOW) :],
+        )
         turns = found[:, len(NOW) - 1]
-        self._change(runs[self.status[runs] == integration.CHANGES])
+        if len(changing := runs[self.status[runs] == integration.CHANGES]):
+            self._change(changing)
         lane, turn = np.nonzero((np.arange(STEPS) < turns[:, None]) & (written[:, :, 1] > 0.0))
         run, row, rows = runs[lane], lane * STEPS + turn, written.reshape(-1, written.shape[2])
         start = rows[row, 0]

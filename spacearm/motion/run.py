@@ -91,7 +91,7 @@ def _before(values: Array, last: Array, run: Integers) -> Array:
         last: (m, ...) those before the first of each run; the last ones are kept in it.
         run: (L,) numbers of the runs.
     """
-    before = np.roll(values, 1, axis=0)
+    before = np.concatenate((values[-1:], values[:-1]))
     first = np.flatnonzero(np.append(True, run[1:] != run[:-1])[: len(run)])
     before[first] = last[run[first]]
     last[run[first - 1]] = values[first - 1]  # the last of all stands before the first
@@ -143,6 +143,8 @@ class Crossings:
         """Return the events in steps, in order, run by run."""
         parts = [self._looked(steps)] if len(self.plain) else []
         found = _joined([*parts, self._neared(steps)] if len(self.near) else parts)
+        if not len(found.step):
+            return Found(found.step, found.which, found.a, self.batch.y[found.step])
         t = self._roots(steps, found)
         order = np.lexsort((found.which, t, steps.run[found.step]))
         step, t = found.step[order], t[order]
@@ -494,9 +496,13 @@ class Runs:
             held = np.vstack((np.zeros((1, n)), *(tau[None] for _, tau in self.torques)))
             given["held"] = held[np.searchsorted(times, t, side="right")]
         seen = batch.compute(observe, np.zeros(len(t), np.int64), given)
-        w = len(system.arm.wheels)
-        torque, ddq, spin, seen = np.split(seen, np.cumsum((n, n, w)), axis=1)
-        base, kept, brought, energy = np.split(seen, [7, 13, 19], axis=1)
+        torque, ddq, spin, base = (
+            seen[:, :n],
+            seen[:, n : 2 * n],
+            seen[:, 2 * n : -20],
+            seen[:, -20:-13],
+        )
+        kept, brought, energy = seen[:, -13:-7], seen[:, -7:-1], seen[:, -1]
         base = np.tile(base[0], (len(t), 1)) if system.mode == "fixed" else base.copy()
         impulse, free = Y[:, at.momentum] - Y[0, at.momentum], free_components(system.mode)
         kept[:, :free] += (Y[0, at.momentum] - kept[0])[:free]  # as it was given, not rounded
@@ -516,7 +522,7 @@ class Runs:
             wrenches=system.acting(t, q, base) if system.plant.pushed else {},
             wheels=Y[:, at.wheels].copy(),
             wheel_torque=spin.copy(),
-            energy=energy[:, 0].copy(),
+            energy=energy.copy(),
             work=works[:, 0].copy(),
             other_work=works[:, 1:].sum(axis=1),
             exchanged=float(batch.exchanged[0]),
