@@ -305,12 +305,15 @@ def drift(place: Array, v: Array, t: float, orbit: float) -> tuple[Array, Array]
     if orbit == 0.0:
         return place + t * v, v
     n, s, c = orbit, math.sin(orbit * t), math.cos(orbit * t)
-    turning = np.array([0.0, 0.0, n])
-    x, dx = place, v - np.cross(turning, place)  # in the axes that turn with the orbit
-    at = np.array([[4 - 3 * c, 0, 0], [6 * (s - n * t), 1, 0], [0, 0, c]])
-    by = np.array([[s, 2 * (1 - c), 0], [-2 * (1 - c), 4 * s - 3 * n * t, 0], [0, 0, s]]) / n
-    rate_at = np.array([[3 * n * s, 0, 0], [6 * n * (c - 1), 0, 0], [0, 0, -n * s]])
-    rate_by = np.array([[c, 2 * s, 0], [-2 * s, 4 * c - 3, 0], [0, 0, c]])
-    x, dx = at @ x + by @ dx, rate_at @ x + rate_by @ dx
+    flow = np.array([
+        [4 - 3 * c, 0, 0, s / n, 2 * (1 - c) / n, 0],
+        [6 * (s - n * t), 1, 0, -2 * (1 - c) / n, (4 * s - 3 * n * t) / n, 0],
+        [0, 0, c, 0, 0, s / n],
+        [3 * n * s, 0, 0, c, 2 * s, 0],
+        [6 * n * (c - 1), 0, 0, -2 * s, 4 * c - 3, 0],
+        [0, 0, -n * s, 0, 0, c],
+    ])  # fmt: skip
+    turning = np.array([[0, -n, 0], [n, 0, 0], [0, 0, 0]])  # of the axes of the orbit
+    x, dx = (flow @ np.concatenate((place, v - turning @ place))).reshape(2, 3)
     back = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    return back @ x, back @ (dx + np.cross(turning, x))
+    return back @ x, back @ (dx + turning @ x)
