@@ -477,12 +477,12 @@ def _takes(function: Callable[..., object], inner: tuple[Hint, ...]) -> bool:
     """Tell whether a function can be called with as many arguments as stand in []."""
     if not inner or not isinstance(inner[0], list):
         return True
-    call, alone = type(function).__call__, isinstance(function, types.FunctionType)
+    call = type(function).__call__
     try:
-        if alone or not isinstance(call, types.FunctionType):
-            inspect.signature(function).bind(*inner[0])
-        else:
+        if isinstance(call, types.FunctionType):  # that of a class, read once
             _signature(call).bind(function, *inner[0])
+        else:
+            inspect.signature(function).bind(*inner[0])
     except (TypeError, ValueError) as error:  # ValueError: of some that are built in there is none
         return isinstance(error, ValueError)
     return True
