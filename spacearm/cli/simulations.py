@@ -162,9 +162,9 @@ def watch_states(
             worst = TOO_NEAR
         if as_json:
             print_json(state.to_dict(), indent=None)
-        elif state.level != level or (state.gap and not late):
+        elif state.level != level or (state.pause and not late):
             out.print(f"{state.t:10.3f} s  {state.verdict}", soft_wrap=True)
-        level, late = state.level, late + (state.gap > 0.0)
+        level, late = state.level, late + (state.pause > 0.0)
     if not as_json:
         out.print(f"{count} joint states watched")
         if late:

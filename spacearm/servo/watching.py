@@ -53,7 +53,7 @@ class Watched(Result):
         level: "stop" nearer than `stop`; "warning" nearer than `slow`, or `stop` is ahead; "fault"
             if the message is not valid; else "clear".
         fault: What is wrong with the message.
-        gap: Time since the message before [s], where a servo follows no further in one step, so
+        pause: Time since the message before [s], where a servo follows no further in one step, so
             that the posture is searched anew; else 0.
     """
 
@@ -66,7 +66,7 @@ class Watched(Result):
     ahead: float
     level: Level
     fault: str
-    gap: float = 0.0
+    pause: float = 0.0
 
     @property
     def verdict(self) -> str:
@@ -77,7 +77,7 @@ class Watched(Result):
             return f"{self.level}: no singular posture is known"
         said = f"{self.level}: a singular posture found {angle(self.distance)} away"
         said += f", to stop in {self.ahead:.1f} s at this rate" if self.ahead < 1e3 else ""
-        return said + (f"; {self.gap:.2f} s after the message before" if self.gap else "")
+        return said + (f"; {self.pause:.2f} s after the message before" if self.pause else "")
 
     not_checked = "collisions, joint limits"
 
@@ -132,8 +132,8 @@ def watched(
         near = distance < limits.slow or left < ahead
         level: Level = "stop" if distance < limits.stop else "warning" if near else "clear"
         late = last is not None and HALTS[int(tick.halt)] == "dt"
-        gap = since if late else 0.0
-        yield Watched(arm, state.t, q, distance, tick.nearest, closing, left, level, "", gap)
+        pause = since if late else 0.0
+        yield Watched(arm, state.t, q, distance, tick.nearest, closing, left, level, "", pause)
         last = JointState(state.t, q)
 
 

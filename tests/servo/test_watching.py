@@ -46,10 +46,10 @@ def test_messages_long_after_each_other_are_searched_anew_and_warned_of():
     found = list(sa.Servo(arm).watch([*states[:3], *states[3::12]]))
     for one in found:
         np.testing.assert_allclose(one.distance, abs(distance - 0.2 * one.t), rtol=0, atol=2e-3)
-    assert [one.gap > 0.0 for one in found] == [False] * 4 + [True] * (len(found) - 4)
+    assert [one.pause > 0.0 for one in found] == [False] * 4 + [True] * (len(found) - 4)
     assert "0.60 s after the message before" in found[-1].verdict
     regular = [{"t": 0.1 * i, "q": states[2 * i]["q"]} for i in range(20)]  # but for rounding
-    assert not any(one.gap for one in sa.Servo(arm).watch(regular))
+    assert not any(one.pause for one in sa.Servo(arm).watch(regular))
 
 
 def test_jumps_are_searched_anew():
