@@ -365,7 +365,10 @@ def test_neither_map_nor_toolbar_hides_the_tip_at_any_width(browser, width):
                 assert button["y"] + button["height"] <= tip[1]
             shown.page.evaluate(BUSY)
             marks = ["#work", "#waiting", "#scale", "#squares", "#compass"]
-            boxes = [box(shown, mark) for mark in marks if shown.page.is_visible(mark)]
+            places = (shown.page.locator(mark).bounding_box() for mark in marks)  # None if hidden
+            boxes = [
+                (p["x"], p["y"], p["x"] + p["width"], p["y"] + p["height"]) for p in places if p
+            ]
             assert all(apart(*pair) for pair in itertools.combinations(boxes, 2))
             shown.page.evaluate(BUSY.replace("false", "true"))
             if shown is narrowed:
