@@ -322,9 +322,9 @@ def test_on_a_phone_the_panel_folds_away(browser):
 
 
 def box(page, selector):
-    """Left, top, right and bottom of an element [px]."""
+    """Left, top, right and bottom of an element [px]; None of one that is hidden."""
     at = page.page.locator(selector).bounding_box()
-    return at["x"], at["y"], at["x"] + at["width"], at["y"] + at["height"]
+    return at and (at["x"], at["y"], at["x"] + at["width"], at["y"] + at["height"])
 
 
 def apart(one, other):
@@ -365,10 +365,7 @@ def test_neither_map_nor_toolbar_hides_the_tip_at_any_width(browser, width):
                 assert button["y"] + button["height"] <= tip[1]
             shown.page.evaluate(BUSY)
             marks = ["#work", "#waiting", "#scale", "#squares", "#compass"]
-            places = (shown.page.locator(mark).bounding_box() for mark in marks)  # None if hidden
-            boxes = [
-                (p["x"], p["y"], p["x"] + p["width"], p["y"] + p["height"]) for p in places if p
-            ]
+            boxes = [at for mark in marks if (at := box(shown, mark))]
             assert all(apart(*pair) for pair in itertools.combinations(boxes, 2))
             shown.page.evaluate(BUSY.replace("false", "true"))
             if shown is narrowed:
