@@ -11,7 +11,9 @@ def main() -> None:
         from spacearm.cli.app import main as run
 
         run()
-    except KeyboardInterrupt:
+    except BaseException as error:  # Python wraps what is raised while it makes a class
+        if not isinstance(error.__cause__ or error, KeyboardInterrupt):
+            raise
         print("spacearm: stopped", file=sys.stderr)
         sys.exit(130)  # as shells have it
 

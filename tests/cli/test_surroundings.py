@@ -88,6 +88,23 @@ def test_an_interrupt_before_there_is_anything_to_keep_is_said(monkeypatch, caps
     assert capsys.readouterr().err == "spacearm: stopped\n"
 
 
+def test_an_interrupt_while_a_class_is_made_is_said(monkeypatch, capsys):
+    """Python before 3.12 raises a RuntimeError of it."""
+
+    class Interrupted:
+        def __set_name__(self, *_):
+            raise KeyboardInterrupt
+
+    def load(*_, **__):
+        type("Arm", (), {"field": Interrupted()})
+
+    monkeypatch.setattr("spacearm.load", load)
+    monkeypatch.setattr(sys, "argv", ["spacearm", "query", "planar2"])
+    with pytest.raises(SystemExit, match="130"):
+        importlib.import_module("spacearm.__main__").main()
+    assert capsys.readouterr().err == "spacearm: stopped\n"
+
+
 def test_an_interrupt_that_an_import_swallows_ends_the_view(monkeypatch):
     """As trimesh does, which is imported when a scene is made."""
     served = []
