@@ -56,7 +56,6 @@ class Limits:
         self.arm, self.mode, self.wheels = arm, mode, wheels
         none = np.full(arm.n, np.inf)
         efforts = np.array([arm.tree.joints[name].effort for name in arm.joint_names])
-        efforts = np.where(efforts > 0.0, efforts, none)
         self.rate = for_each_joint(arm, rate, "rate", largest_rates(arm))
         self.acceleration = for_each_joint(arm, acceleration, "acceleration", none)
         self.torque = for_each_joint(arm, torque, "torque", efforts)

@@ -145,6 +145,15 @@ def test_limits_are_those_of_the_model():
         )
 
 
+def test_zero_rates_and_efforts_are_none_and_noted():
+    model = pin.buildModelFromXML(random_chain(3, 4), pin.JointModelFreeFlyer())
+    model.effortLimit[6:] = model.velocityLimit[6:] = 0.0
+    arm = sa.load(model)
+    joints = [arm.tree.joints[name] for name in arm.joint_names]
+    assert {(joint.velocity, joint.effort) for joint in joints} == {(np.inf, np.inf)}
+    assert len(arm.notes) == 2 * arm.n
+
+
 def test_links_keep_their_masses_and_their_chain_of_fixed_joints():
     folder = distribution("example-robot-data").locate_file(ROBOTS)
     path = f"{folder}/panda_description/urdf/panda.urdf"

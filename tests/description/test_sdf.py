@@ -296,6 +296,13 @@ def test_limits_that_are_none(tmp_path):
         assert (one.velocity, one.effort) == (np.inf, np.inf)
 
 
+def test_zero_rates_and_efforts_are_none_and_noted(tmp_path):
+    limit = "<limit><effort>0</effort><velocity>0</velocity></limit>"
+    arm = load(sdf(model(BUS, ARM, ELBOW.replace(LIMIT, limit))), tmp_path)
+    assert arm.tree.joints["elbow"].velocity == arm.tree.joints["elbow"].effort == np.inf
+    assert "effort limit of 'elbow' is zero: taken as none" in arm.notes
+
+
 def test_defaults_of_inertials_are_those_of_sdformat_and_said(tmp_path):
     with pytest.warns(sa.ModelWarning, match="link 'arm' has no <inertial>: 1 kg and 1 kg m"):
         arm = load(sdf(model(BUS, link("arm", None, "1 0 0 0 0 0"), ELBOW)), tmp_path)

@@ -181,8 +181,10 @@ class _Reader:
         if joint.nq == joint.nv:
             ends = model.lowerPositionLimit, model.upperPositionLimit
             lower, upper = (_limit(limits[joint.idx_q + j]) for limits in ends)
-        most = model.velocityLimit, model.effortLimit
-        velocity, effort = (_limit(limits[joint.idx_v + j]) for limits in most)
+        velocity, effort = (
+            self._source.largest(_limit(limits[joint.idx_v + j]), what, name)
+            for limits, what in ((model.velocityLimit, "rate"), (model.effortLimit, "effort"))
+        )
         if kind == "revolute" and math.isinf(lower) and math.isinf(upper):
             kind = "continuous"
         direction = np.array(axis, dtype=np.float64).reshape(3)

@@ -259,10 +259,13 @@ class _Reader:
             )
         if kind == "continuous":
             lower, upper = -math.inf, math.inf
-        velocity, effort = (limit(source, limits, end, math.inf) for end in ("velocity", "effort"))
         if kind != "prismatic":
             kind = "continuous" if math.isinf(lower) and math.isinf(upper) else "revolute"
-        ends = (lower, upper, largest(velocity), largest(effort))
+        velocity, effort = (
+            source.largest(_largest(limit(source, limits, end, math.inf)), what, full)
+            for end, what in (("velocity", "rate"), ("effort", "effort"))
+        )
+        ends = (lower, upper, velocity, effort)
         mimic = self._mimic(scope, joint, axis)
         return Joint(full, kind, "", "", pin.SE3.Identity(), direction, *ends, mimic)
 
@@ -348,7 +351,7 @@ def limit(source: Source, parent: etree._Element | None, tag: str, none: float) 
     return none if abs(value) > UNLIMITED else value
 
 
-def largest(value: float) -> float:
+def _largest(value: float) -> float:
     """Return a limit of effort or velocity: SDFormat writes a negative one where there is none."""
     return math.inf if value < 0.0 or value > LARGEST else value
 

@@ -333,6 +333,12 @@ class Source:
         """Read one finite number from an attribute."""
         return float(self.numbers(element, attribute, 1, default)[0])
 
+    def largest(self, value: float, what: str, joint: str) -> float:
+        """Return a largest rate or effort; exporters that know nothing write zero: no limit."""
+        if value == 0.0:
+            self.note(f"{what} limit of {joint!r} is zero: taken as none")
+        return value or math.inf
+
     def lengths(self, element: etree._Element, attribute: str, count: int) -> Array:
         """Read `count` positive numbers from an attribute."""
         values = self.numbers(element, attribute, count)
