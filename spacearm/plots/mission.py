@@ -245,21 +245,25 @@ def draw_envelope(result: LevelEnvelope, panels: Any) -> None:
         label = f"turned by {np.degrees(tilt):.3g}°"
         reach.plot(result.base_mass, result.mean[:, j], "o-", color=color, label=label)
         reach.plot(result.base_mass, result.least[:, j], ":", color=color)
-    turn.plot(result.base_mass, np.degrees(result.turn), "o-", color=style.BLUE, label="median")
-    turn.plot(
-        result.base_mass, np.degrees(result.largest_turn), ":", color=style.BLUE, label="worst"
-    )
-    reach.set(xscale="log", xlabel="mass of the bus [kg]", ylabel="straight lines reach [m]")
-    turn.set(
-        xscale="log", yscale="log", xlabel="mass of the bus [kg]",
-        ylabel=f"turn by {result.travel:g} m of the tip [°]",
-    )  # fmt: skip
-    for axes in (reach, turn):
+    for axes in panels:
+        axes.set(xscale="log", xlabel="mass of the bus [kg]")
         axes.set_xticks(result.base_mass, [f"{mass:g}" for mass in result.base_mass])
         axes.set_xticks([], minor=True)
-    style.write_powers(turn.yaxis)
+    reach.set(ylabel="straight lines reach [m]")
     reach.legend(frameon=False)
-    turn.legend(frameon=False)
+    turn.set(ylabel=f"turn by {result.travel:g} m of the tip [°]")
+    if result.followed.any():
+        for turns, look, label in (
+            (result.turn, "o-", "median"), (result.largest_turn, ":", "worst"),
+        ):  # fmt: skip
+            turn.plot(result.base_mass, np.degrees(turns), look, color=style.BLUE, label=label)
+        turn.set(yscale="log")
+        style.write_powers(turn.yaxis)
+        turn.legend(frameon=False)
+    else:
+        turn.set(xlim=reach.get_xlim(), yticks=[])
+        turn.text(0.5, 0.5, "no line can be followed so far", transform=turn.transAxes, ha="center",
+                  color=style.GREY)  # fmt: skip
     style.entitle(reach, f"{result.arm.name}: mean over directions, dotted the worst")
 
 

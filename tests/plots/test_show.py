@@ -113,6 +113,10 @@ def results(few):
             sa.level_envelope(planar.at([-0.6, 1.4]), [0.02], [20.0, 200.0], directions=8),
             2,
         ),
+        "a level envelope without a line": (
+            sa.level_envelope(planar.at([-0.6, 1.4]), [0.02], [20.0], directions=4, travel=50.0),
+            2,
+        ),
         "a momentum budget": (
             sa.momentum_budget(planar.at([-0.6, 1.4], momentum=[0, 0, 0, 0, 0, 1])),
             2,
