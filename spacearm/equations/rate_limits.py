@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from spacearm.equations.linear_algebra import solve
+
 #: Share of the accelerations that is left to turn by, and taken up by what the wish changes.
 TURNING = 0.25
 #: Share of the accelerations by which an arm that keeps its direction speeds up.
@@ -31,6 +33,9 @@ OUTWARD = 0.1
 #: Share of the wheels' budget that is taken: within long steps, and while an arm brakes, its
 #: momentum is a little larger than at the places where it is told.
 TAKEN = 0.99
+#: Damping of motions in the null space that keep the attitude, as a share of the trace; how many
+#: times the others they are at most.
+DAMPING, LEVELS = 1e-5, 20.0
 #: Larger numbers are faults.
 LARGEST = 1e9
 
@@ -193,6 +198,26 @@ def raising(xp: Any, null: list[Any], y: Any, far: Any, away: Any, limits: Any) 
     way = (N @ away) @ N
     rate = xp.where(far < limits.slow, (limits.slow - far) / limits.tau, 0.0)
     return xp.minimum(rate, norm(xp, y)) * way
+
+
+def levelling(xp: Any, null: list[Any], A: Any, y: Any) -> Any:
+    """Return the motion in the null space by which y turns the spacecraft least, damped.
+
+    A (3, n) takes rates to those of the spacecraft. Where the null space hardly turns it, what
+    makes up for y would be so fast that nothing were left of y, and would change its sign at once.
+    So what is faster than `LEVELS` times y is damped, the more the less it turns the spacecraft.
+    """
+    N = xp.stack(null)
+    B, turned = A @ N.T, A @ y
+    whole, square = B.T @ B, turned @ turned
+
+    def motion(damping: Any) -> Any:
+        return solve(xp, whole + damping * np.eye(len(null)), -(B.T @ turned)[:, None])[:, 0]
+
+    least = DAMPING * (whole * np.eye(len(null))).sum() + 1e-12
+    z = motion(least)
+    over = share_of(xp, square, LEVELS**2 * (y @ y)) - share_of(xp, square, z @ z)
+    return motion(least + xp.maximum(over, 0.0)) @ N
 
 
 def share_of(xp: Any, part: Any, whole: Any) -> Any:

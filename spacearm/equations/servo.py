@@ -20,15 +20,16 @@ found: where sigma_min is a ten-thousandth of sigma_max, a way 1e-4 off turns th
 The distance is that to singular postures that are followed from tick to tick: three, the nearest
 that are known, and six scouts that set out from the arm's posture and at random, and take the place
 of the farthest, or of one close by, when they come to rest nearer, for all that their residual may
-hide. So each is found, and the nearest of all is no farther. Where the set folds, steps along it
-may come to rest nowhere: a scout that is so near to the arm, and to the set beside it, that
-something nearer must be there is followed as it is. Each goes towards the point nearest to the
-arm's posture on the set linearised at itself: by a whole step of Newton's method to the set, and
-along it by a share. Where the set bends more than the sphere about the posture, whole steps would
-lead ever farther away; the share is that by which the last two ways along the set would have become
-least: Barzilai & Borwein, IMA J. Numer. Anal. 8(1), 141-148 (1988), DOI 10.1093/imanum/8.1.141.
-After a long way, or a long tick, they take a step for each part of the arm's way. All angles x
-count in radians of each joint; see `model.joints.joint_scales`.
+hide. So each is found, and the nearest of all is no farther, but where sigma_min has a valley: its
+slope there may take a point that is not on the set to be nearly on it, and tell of it for a tick.
+Where the set folds, steps along it may come to rest nowhere: a scout that is so near to the arm,
+and to the set beside it, that something nearer must be there is followed as it is. Each goes
+towards the point nearest to the arm's posture on the set linearised at itself: by a whole step of
+Newton's method to the set, and along it by a share. Where the set bends more than the sphere about
+the posture, whole steps would lead ever farther away; the share is that by which the last two ways
+along the set would have become least: Barzilai & Borwein, IMA J. Numer. Anal. 8(1), 141-148 (1988),
+DOI 10.1093/imanum/8.1.141. After a long way, or a long tick, they take a step for each part of the
+arm's way. All angles x count in radians of each joint; see `model.joints.joint_scales`.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ from spacearm.equations.kinematics import (
     task_jacobian_at,
 )
 from spacearm.equations.laws import attitude, quaternion_rate
-from spacearm.equations.linear_algebra import bidiagonal, least_with_vectors, solve
+from spacearm.equations.linear_algebra import bidiagonal, least_with_vectors
 from spacearm.equations.measures import distance
 from spacearm.equations.rate_limits import (
     LARGEST,
@@ -59,6 +60,7 @@ from spacearm.equations.rate_limits import (
     at_most,
     extreme,
     held_off,
+    levelling,
     nearness,
     norm,
     raising,
@@ -99,8 +101,6 @@ NEARER, DOUBTED = 0.99, 3.0
 BEYOND, WITHIN = 1.2, 1.5
 #: Share of the norm of J* up to which its least singular value is zero.
 NO_INVERSE = 1e-9
-#: Damping of motions in the null space that keep the attitude, as a share of the trace.
-DAMPING = 1e-5
 #: Stands for a posture that holds nothing [rad].
 FREE = 1e6
 #: How far the square of a quaternion may be from 1.
@@ -391,7 +391,7 @@ def step(
         v = tree.scale[:, 0] * wished[np.array(tree.rows)]
         y, slowed = _resolved(xp, J, least, v, far, away, limits)
         if keep_attitude:
-            y = y + _levelling(xp, least.null, connection_at(xp, tree, at) * radians, y)
+            y = y + levelling(xp, least.null, connection_at(xp, tree, at) * radians, y)
         elif least.null:
             y = y + raising(xp, least.null, y, far, away, limits)
         asked = y
@@ -683,16 +683,6 @@ def _resolved(
     own = along / xp.where(regular, least.sigma, 1.0) * least.v
     share = xp.where(away @ own > 0.0, 1.0, nearness(xp, far, limits))
     return xp.where(regular, y + share * own, 0.0), xp.where(regular, share, 0.0)
-
-
-def _levelling(xp: Any, null: list[Any], A: Any, y: Any) -> Any:
-    """Return the motion in the null space by which y turns the spacecraft least, damped."""
-    N = xp.stack(null)
-    B = A @ N.T
-    whole = B.T @ B
-    square = DAMPING * (whole * np.eye(len(null))).sum() + 1e-12
-    z = solve(xp, whole + square * np.eye(len(null)), -(B.T @ (A @ y))[:, None])[:, 0]
-    return z @ N
 
 
 def _distance(xp: Any, x: Any, y: Any) -> Any:

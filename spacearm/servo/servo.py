@@ -56,10 +56,11 @@ class ServoStep(Result):
     Attributes:
         arm: The arm.
         rates: (n,) joint rates [rad/s] or [m/s] until the next step.
-        distance: Distance of the nearest singular posture that the servo follows [rad]: found, so
-            the nearest of all is no farther, except for the last step along the set; inf if it
-            knows none. A posture that it has stopped following still counts, ever farther away, up
-            to `slow`.
+        distance: Distance of the nearest singular posture that the servo follows [rad]; inf if it
+            knows none. It is found, so the nearest of all is no farther, except for the last step
+            along the set, and for single steps in valleys of sigma_min, where the distance to first
+            order takes a point to be nearly on the set that is far from it. A posture that it has
+            stopped following still counts, ever farther away, up to `slow`.
         distance_proven: No singular posture is nearer than this [rad]: what was proven when the
             servo was started, less the joint motion since then; zero where nothing is proven.
         nearest: (n,) that singular posture.

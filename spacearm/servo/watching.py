@@ -45,8 +45,8 @@ class Watched(Result):
         arm: The arm.
         t: Time [s].
         q: (n,) joint positions.
-        distance: Distance of the nearest singular posture that is followed [rad]: found, so the
-            nearest of all is no farther; inf if none is known, or for a fault.
+        distance: Distance of the nearest singular posture that is followed [rad], as
+            `ServoStep.distance`; inf if none is known, or for a fault.
         nearest: (n,) that posture.
         closing: Rate at which the distance falls [rad/s].
         ahead: Time until the distance is `stop`, at this rate [s]; inf if it does not fall.

@@ -7,6 +7,7 @@ from helpers.arms import joint, link, load_text, planar_pair, robot
 import spacearm as sa
 from spacearm.compiler import numbers
 from spacearm.equations import servo as ticks
+from spacearm.equations.rate_limits import LEVELS, levelling
 from spacearm.equations.servo import packed
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mechanics.distance import linearise
@@ -391,6 +392,27 @@ def test_a_second_arm_keeps_the_attitude():
         assert step.done > 0.999
         turned.append(np.linalg.norm(sa.base_velocity(cfg, step.rates)[3:]))
     assert turned[1] < 0.02 * turned[0]
+
+
+@pytest.mark.parametrize("m", [1, 2, 5])
+def test_a_null_space_that_hardly_turns_the_spacecraft_makes_no_fast_motions(m):
+    """It makes up for the motion exactly as far as it can, and changes its sign through rest."""
+    rng = np.random.default_rng(18)
+    N, y = np.linalg.qr(rng.normal(size=(8, 8)))[0][:, :m].T, rng.normal(size=8)
+    y, A = y - N.T @ (N @ y), rng.normal(size=(3, 8))
+
+    def made_up(share):
+        B = A @ N.T @ N
+        return levelling(numbers, list(N), A + (share - 1.0) * B, y), share * A @ N.T
+
+    z, B = made_up(1.0)
+    wanted = -np.linalg.lstsq(B, A @ y, rcond=None)[0] @ N
+    np.testing.assert_allclose(z, wanted, rtol=0, atol=1e-3 * np.linalg.norm(wanted))
+    most = LEVELS * np.linalg.norm(y) * (1.0 + 1e-9)
+    for share in np.geomspace(1.0, 1e-9, 60):
+        assert np.linalg.norm(made_up(share)[0]) <= most
+        assert np.linalg.norm(made_up(-share)[0] + made_up(share)[0]) <= 1e-9 * most
+    assert np.linalg.norm(made_up(1e-6)[0]) < 1e-3 * np.linalg.norm(y)
 
 
 @pytest.mark.parametrize("dt", [1e-5, 0.1])
