@@ -111,6 +111,38 @@ def test_keys_lead_the_tip_and_the_end_is_a_motion(browser):
 
 
 @pytest.mark.slow
+def test_a_gamepad_that_is_pulled_out_in_flight_brings_the_tip_to_rest_and_keys_go_on(browser):
+    cfg = sa.load("planar2").at(np.radians([20.0, 60.0]))
+    viewer = sa.view(cfg, open=False)
+    viewer.session.fly = True
+    page = Page(browser, viewer.serve(), width=1300, height=800).ready()
+    plug = """([event, axes, connected]) => {
+        navigator.getGamepads = () => [{axes, buttons: [], connected}];
+        window.dispatchEvent(new Event(event));
+    }"""
+
+    def forward():
+        return viewer.configuration.tip.translation[0] - cfg.tip.translation[0]
+
+    page.page.evaluate(plug, ["gamepadconnected", [0.0, -1.0], True])
+    page.until(lambda: forward() > 0.02)
+    page.page.evaluate(plug, ["gamepaddisconnected", [0.0, -1.0], False])  # as it was at last
+    page.wait_text("#flown", "disconnected")
+    page.until(lambda: not viewer.session.readout()["flight"]["moving"])
+    assert "disconnected" in page.text("#flown")
+    rests = forward()
+    page.page.wait_for_timeout(300)
+    assert forward() == rests
+    page.page.keyboard.down("s")
+    page.until(lambda: forward() < rests - 0.01)
+    assert "disconnected" not in page.text("#flown")
+    page.page.keyboard.up("s")
+    assert page.errors == []
+    page.close()
+    viewer.close()
+
+
+@pytest.mark.slow
 def test_a_stick_leads_the_tip_and_with_a_shoulder_button_turns_it(browser):
     cfg = sa.load("planar3").at(np.radians([20.0, 60.0, 60.0]))
     viewer = sa.view(cfg, open=False)

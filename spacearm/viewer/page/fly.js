@@ -8,17 +8,18 @@ const NAMES = ["x", "y", "z", "turn x", "turn y", "turn z"];
 const EVERY = 40; // ms between two messages
 const LONGEST = 0.1; // s that one message flies
 const DEAD = 0.12; // of a stick that rests
+const PULLED = "The gamepad is disconnected: the tip comes to rest. Hold a key, or move a stick.";
 
 export function createFly(ask, begins) {
   const button = byId("fly");
   const held = new Set();
-  let [flying, under, last, timer, moving] = [false, false, 0, 0, false];
+  let [flying, under, last, timer, moving, pulled] = [false, false, 0, 0, false, false];
 
   function twist() {
     const wish = [0, 0, 0, 0, 0, 0];
     for (const key of held) wish[KEYS[key][0]] += KEYS[key][1];
     for (const pad of navigator.getGamepads?.() ?? []) {
-      if (!pad) continue;
+      if (!pad || pad.connected === false) continue;
       const [left, up, , lift] = [0, 1, 2, 3].map((i) =>
         Math.abs(pad.axes[i] ?? 0) > DEAD ? -pad.axes[i] : 0);
       const turn = pad.buttons[4]?.pressed || pad.buttons[5]?.pressed ? 3 : 0;
@@ -47,7 +48,7 @@ export function createFly(ask, begins) {
     button.textContent = on ? "End" : "Fly";
     clearInterval(timer);
     held.clear();
-    [under, moving, last] = [false, false, performance.now()];
+    [under, moving, pulled, last] = [false, false, false, performance.now()];
     if (on) timer = setInterval(send, EVERY);
     else ask({ do: "land" });
     byId("flown").textContent = on ? "Hold a key, or move a stick." : "";
@@ -63,12 +64,17 @@ export function createFly(ask, begins) {
   });
   window.addEventListener("keyup", (event) => held.delete(event.key.toLowerCase()));
   window.addEventListener("blur", () => held.clear());
+  window.addEventListener("gamepaddisconnected", () => {
+    pulled = flying;
+    if (pulled) byId("flown").textContent = PULLED;
+  });
   if (begins) turn(true);
 
   return ({ flight }) => {
     under = false;
     if (!flying || !flight) return;
     moving = flight.moving;
+    if (pulled &&= !twist().some(Boolean)) return;
     const lost = flight.lost.map((x, i) => [x, NAMES[i]]).filter(([x]) => Math.abs(x) > 0.3)
       .map(([x, name]) => `${name} ${fixed(x, 1)}`).join(", ");
     byId("flown").textContent = flight.slowed
