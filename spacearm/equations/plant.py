@@ -377,18 +377,33 @@ def event_values(
     return xp.stack(found)
 
 
+class Observed(NamedTuple):
+    """What is reported of a state; inertial axes.
+
+    Attributes:
+        torque: (n,) torques [N m].
+        ddq: (n,) accelerations of the joints.
+        spin: (w,) torques of the motors of the wheels [N m].
+        base: (7,) pose of the spacecraft: position and quaternion.
+        momentum: (6,) [linear; angular about the system CM].
+        brought: (6,) of it what the joints bring alone.
+        energy: Kinetic energy [J].
+    """
+
+    torque: Any
+    ddq: Any
+    spin: Any
+    base: Any
+    momentum: Any
+    brought: Any
+    energy: Any
+
+
 def observe(
     xp: Any, tree: Structure, p: Parameters, t: Any, y: Any, laws: Any, plant: Any, *,
     setup: Setup, held: Any = None, **calls: Callable[..., Any],
-) -> Any:  # fmt: skip
-    """Compute what is reported of a state (2 n + w + 20,); arguments as of `state_rate`.
-
-    Returns:
-        The torques (n,) [N m]; the accelerations of the joints (n,); the torques of the motors of
-        the wheels (w,) [N m]; the pose of the spacecraft, position and quaternion (7,); the
-        momentum [linear; angular about the system CM] (6,), and of it what the joints bring alone
-        (6,), inertial axes; the kinetic energy [J].
-    """
+) -> Observed:  # fmt: skip
+    """Compute what is reported of a state; arguments as of `state_rate`."""
     now = moving(xp, tree, p, t, y, laws, plant, setup)
     at, R = now.at, now.base.rotation
     tau = _given(xp, now, setup, calls, held)
@@ -407,11 +422,16 @@ def observe(
     quaternion = y[parts(tree.n, 0).attitude]
     rate = state_rate(xp, tree, p, t, y, laws, plant, setup=setup, held=held, **calls)
     where = parts(tree.n, len(setup.wheels))
-    return xp.concatenate([
-        tau, rate[where.dq], rate[where.wheels], now.base.translation,
-        quaternion / xp.sqrt((quaternion * quaternion).sum()), linear, angular,
-        R @ brought[:3], R @ brought[3:], xp.stack([energy]),
-    ])  # fmt: skip
+    unit = quaternion / xp.sqrt((quaternion * quaternion).sum())
+    return Observed(
+        torque=tau,
+        ddq=rate[where.dq],
+        spin=rate[where.wheels],
+        base=xp.concatenate([now.base.translation, unit]),
+        momentum=xp.concatenate([linear, angular]),
+        brought=xp.concatenate([R @ brought[:3], R @ brought[3:]]),
+        energy=energy,
+    )
 
 
 #: Most evaluations of a search for a root.

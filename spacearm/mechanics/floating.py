@@ -176,8 +176,8 @@ def turns_and_effects(arm: SpaceArm, Q: Array, rates: Array, h: Array) -> Turns:
 
 def chained(T: Array) -> Array:
     """Return the products T_0 T_1 ... T_i of rotations (..., m, 3, 3), for each i."""
-    found, by = T.copy(), 1
-    while by < T.shape[-3]:
-        found[..., by:, :, :] = found[..., :-by, :, :] @ found[..., by:, :, :]
-        by *= 2
+    found, m = T.copy(), T.shape[-3]
+    if m > 1:  # those of pairs are every second one of them
+        found[..., 1::2, :, :] = chained(T[..., : m - 1 : 2, :, :] @ T[..., 1::2, :, :])
+        found[..., 2::2, :, :] = found[..., 1 : m - 1 : 2, :, :] @ T[..., 2::2, :, :]
     return found

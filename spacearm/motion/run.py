@@ -12,7 +12,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, Integers
 from spacearm.equations.integration import COLLAPSED, FAILED, FINISHED, RUNNING, state_of
 from spacearm.equations.measures import measures, nearest
-from spacearm.equations.plant import Parts, crossing, observe, torques
+from spacearm.equations.plant import Observed, Parts, crossing, observe, torques
 from spacearm.errors import NoSolutionError, SpaceArmError
 from spacearm.mechanics import distance
 from spacearm.mechanics.arm_kernels import WIDE
@@ -482,8 +482,7 @@ class Runs:
 
     def _times(self, run: int) -> Array:
         """Return the times of all outputs of a run."""
-        t = self.times[: self.written[run]].copy()
-        return np.append(t[: self.written[run] - 1], self.batch.t[run])
+        return np.append(self.times[: self.written[run] - 1], self.batch.t[run])
 
     def trajectory(self) -> Trajectory:
         """Return the trajectory so far, of one run."""
@@ -495,34 +494,29 @@ class Runs:
             times = np.array([time for time, _ in self.torques])
             held = np.vstack((np.zeros((1, n)), *(tau[None] for _, tau in self.torques)))
             given["held"] = held[np.searchsorted(times, t, side="right")]
-        seen = batch.compute(observe, np.zeros(len(t), np.int64), given)
-        torque, ddq, spin, base = (
-            seen[:, :n],
-            seen[:, n : 2 * n],
-            seen[:, 2 * n : -20],
-            seen[:, -20:-13],
-        )
-        kept, brought, energy = seen[:, -13:-7], seen[:, -7:-1], seen[:, -1]
-        base = np.tile(base[0], (len(t), 1)) if system.mode == "fixed" else base.copy()
+        seen = Observed(*batch.compute(observe, np.zeros(len(t), np.int64), given))
+        base, kept = seen.base, seen.momentum
+        if system.mode == "fixed":
+            base = np.tile(base[0], (len(t), 1))
         impulse, free = Y[:, at.momentum] - Y[0, at.momentum], free_components(system.mode)
         kept[:, :free] += (Y[0, at.momentum] - kept[0])[:free]  # as it was given, not rounded
-        self.drift = drift_of(kept, impulse, brought, free)
+        self.drift = drift_of(kept, impulse, seen.brought, free)
         works = Y[:, at.works]
         return Trajectory(
             arm=system.arm,
             mode=system.mode,
             t=t,
-            q=(q := Y[:, at.q].copy()),
+            q=(q := Y[:, at.q]),
             dq=Y[:, at.dq].copy(),
             base=base,
-            ddq=ddq.copy(),
-            torque=torque.copy(),
-            momentum=kept.copy(),
+            ddq=seen.ddq,
+            torque=seen.torque,
+            momentum=kept,
             impulse=impulse,
             wrenches=system.acting(t, q, base) if system.plant.pushed else {},
             wheels=Y[:, at.wheels].copy(),
-            wheel_torque=spin.copy(),
-            energy=energy.copy(),
+            wheel_torque=seen.spin,
+            energy=seen.energy,
             work=works[:, 0].copy(),
             other_work=works[:, 1:].sum(axis=1),
             exchanged=float(batch.exchanged[0]),
@@ -549,8 +543,8 @@ class Runs:
         ends = np.stack((self.outputs[:, 0], self.outputs[every, last]), axis=1)
         t = np.stack((np.zeros(m), batch.t), axis=1)
         given = {"t": t.ravel(), "y": ends.reshape(2 * m, -1)}
-        seen = batch.compute(observe, np.repeat(every, 2), given)[:, -20:].reshape(m, 2, -1)
-        energy, works = seen[:, :, -1], ends[:, 1, at.works].sum(axis=1)
+        seen = Observed(*batch.compute(observe, np.repeat(every, 2), given))
+        energy, works = seen.energy.reshape(m, 2), ends[:, 1, at.works].sum(axis=1)
         turnover = energy.max(axis=1) + batch.exchanged
         off = np.abs(energy[:, 1] - energy[:, 0] - works)
         first = {kind: [min((e.t for e in found if e.kind == kind), default=np.nan)
@@ -568,7 +562,7 @@ class Runs:
             "imbalance": np.divide(off, turnover, out=np.zeros(m), where=turnover > 0.0),
             "q": ends[:, 1, at.q],
             "dq": ends[:, 1, at.dq],
-            "base": seen[:, 1, :7],
+            "base": seen.base[1::2],
         }
 
     def _least_distances(self, used: Any) -> Array:

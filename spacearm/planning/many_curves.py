@@ -11,7 +11,7 @@ arrives as flown.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -28,7 +28,7 @@ from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import Reactions, chained, momenta, reactions, turns_of_spacecraft
 from spacearm.mechanics.jacobian import plane_of_motion
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.planning.timing import flown_spline, smooth
+from spacearm.planning.timing import corners, flown_spline, smooth
 
 #: Largest joint motion of one step of Newton's method [rad] or [m].
 STRIDE = 0.5
@@ -258,27 +258,50 @@ class FlownRows:
         Args:
             parts: Into how many parts the steps of `FINE` and `FEWEST` are divided.
         """
+        times, at_rows = self._times(parts)
+        return self.attitudes_from(self.start.base.rotation, times)[at_rows]
+
+    def attitudes_bent(self, bends: Array, parts: float) -> Array:
+        """Return the same (p, m, 3, 3) of these rows bent by each of bends (m, p, n), all small."""
+        times, at_rows = self._times(parts)
+        at_rest = corners(np.diff(self.q, axis=0))
+        bend = flown_spline(self.t, bends, np.zeros(self.start.arm.n), at_rest)
+        return self._along(self.start.base.rotation, times, bend)[:, at_rows]
+
+    def attitudes_from(self, T: Array, times: Array) -> Array:
+        """Return the attitudes (k, 3, 3) at times (k,) by a step from each to the next, T first."""
+        return self._along(T, times, lambda *_: np.zeros((1, self.start.arm.n)))[0]
+
+    def _times(self, parts: float) -> tuple[Array, Integers]:
+        """Return the times (k,) of the steps of `attitudes`, and which are those of the rows."""
         steps = self.steps(parts)
         at_rows = np.append(0, np.cumsum(steps))
         number = np.arange(at_rows[-1]) - np.repeat(at_rows[:-1], steps)
         begin = np.repeat(self.t[:-1], steps) + number * np.repeat(np.diff(self.t) / steps, steps)
-        times = np.append(begin, self.t[-1])
-        return self.attitudes_from(self.start.base.rotation, times)[at_rows]
+        return np.append(begin, self.t[-1]), at_rows
 
-    def attitudes_from(self, T: Array, times: Array) -> Array:
-        """Return the attitudes (k, 3, 3) at times (k,) by a step from each to the next, T first."""
-        arm, h, q = self.start.arm, self.start.momentum[3:], self.spline
+    def _along(self, T: Array, times: Array, bend: Callable[..., Array]) -> Array:
+        """Return `attitudes_from` (p, k, 3, 3), bent by (..., p, n) over time and its rate."""
+        arm, h = self.start.arm, self.start.momentum[3:]
         begin, length = times[:-1], np.diff(times)
+
+        def ways(at: Array) -> Iterator[tuple[Array, Array]]:
+            bent = (self.spline(at, order)[..., None, :] + bend(at, order) for order in (0, 1))
+            return zip(*(np.moveaxis(values, -2, 0) for values in bent), strict=True)
+
         if not h.any() and not self.wheels.any():
-            at = begin[:, None] + GAUSS * length[:, None]
-            turns = chained(turns_of_spacecraft(arm, q(at), q(at, 1), length))
-            return np.asarray(T @ np.concatenate((np.eye(3)[None], turns)))
+            nodes = begin[:, None] + GAUSS * length[:, None]
+            turns = [turns_of_spacecraft(arm, Q, dQ, length) for Q, dQ in ways(nodes)]
+            return np.array([T @ np.concatenate((np.eye(3)[None], chained(R))) for R in turns])
         halves = np.append(np.column_stack((begin, begin + 0.5 * length)).ravel(), times[-1])
         held = np.tile(self.start.base.rotation.T @ self.start.stored[3:], (len(halves), 1))
         if (spins := self.spins) is not None:
             held = spins(halves) @ self._axes.T
-        found = steered_attitudes(arm, T, times, q(halves)[None], q(halves, 1)[None], h, held[None])
-        return np.asarray(found[0])
+        found = (
+            steered_attitudes(arm, T, times, Q[None], dQ[None], h, held[None])
+            for Q, dQ in ways(halves)
+        )
+        return np.concatenate([*found])
 
     @property
     def turning(self) -> float:
@@ -303,7 +326,7 @@ class FlownRows:
     def _axes(self) -> Array:
         return np.column_stack([wheel.axis for wheel in self.start.arm.wheels])
 
-    def landed(self, wanted: Mapping[int, Array]) -> FlownRows:
+    def landed(self, wanted: Mapping[int, Array]) -> tuple[FlownRows, Array]:
         """Return rows bent a little, so that the spacecraft passes rows with stated attitudes.
 
         Joint positions at these rows and at both ends stay, so that tips pass there as they should,
@@ -312,6 +335,9 @@ class FlownRows:
 
         Args:
             wanted: (3, 3) attitudes by the numbers of their rows, the last row among them.
+
+        Returns:
+            The rows, and the attitudes (m, 3, 3) there.
 
         Raises:
             NoSolutionError: It does not converge.
@@ -325,25 +351,23 @@ class FlownRows:
         room = np.minimum(q - arm.lower, arm.upper - q).min(axis=0)
         far = (room > SLACK) | (room < 0.0)
         bends = np.eye(arm.n)[far | ~far.any()]
-        shapes = np.einsum("ms,jn->sjmn", np.hstack(waves), bends).reshape(-1, *q.shape)
+        shapes = np.einsum("ms,jn->msjn", np.hstack(waves), bends).reshape(len(q), -1, arm.n)
 
-        def left(rows: FlownRows, parts: float = 2.0) -> Array:
-            T = rows.attitudes(parts)
+        def left(T: Array) -> Array:
             return np.concatenate([pin.log3(wanted[i].T @ T[i]) for i in stops])
 
-        rows, miss = self, left(self)
-        if np.linalg.norm(miss) <= TURNED:
-            return rows
-        begun = left(self, COARSE)
-        slope = [
-            (left(replace(self, q=q + BENT * shape), COARSE) - begun) / BENT for shape in shapes
-        ]
+        rows, T = self, self.attitudes(2.0)
+        if np.linalg.norm(miss := left(T)) <= TURNED:
+            return rows, T
+        still = np.zeros((len(q), 1, arm.n))
+        begun, *bent = map(left, self.attitudes_bent(np.hstack((still, BENT * shapes)), COARSE))
+        slope = np.column_stack([(end - begun) / BENT for end in bent])
         for _ in range(STEPS):
-            height = np.linalg.lstsq(np.column_stack(slope), miss, rcond=1e-6)[0]
-            rows = replace(rows, q=rows.q - np.tensordot(height, shapes, axes=1))
-            miss = left(rows)
-            if np.linalg.norm(miss) <= TURNED:
-                return rows
+            height = np.linalg.lstsq(slope, miss, rcond=1e-6)[0]
+            rows = replace(rows, q=rows.q - np.tensordot(shapes, height, axes=(1, 0)))
+            T = rows.attitudes(2.0)
+            if np.linalg.norm(miss := left(T)) <= TURNED:
+                return rows, T
         off = np.linalg.norm(miss)
         raise NoSolutionError(f"flown as a spline through its rows the motion ends {off:.1e} off")
 

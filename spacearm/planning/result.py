@@ -346,10 +346,10 @@ def landed(
     wanted = {i: plan[i].base.rotation for i in on_the_way}
     wanted[len(plan) - 1] = plan[-1].base.rotation if attitude is None else attitude
     try:
-        rows = plan._flown.landed(wanted)
+        rows, attitudes = plan._flown.landed(wanted)
     except NoSolutionError as error:
         raise NoSolutionError(str(error), [*plan]) from None
-    pairs = zip(rows.q, rows.attitudes(parts=2), strict=True)
+    pairs = zip(rows.q, attitudes, strict=True)
     base = samples([placed(start, q, T) for q, T in pairs])["base"]
     base[:, :3] += np.outer(plan.t, h / plan.arm.mass)
     return replace(plan, q=rows.q, base=base)

@@ -328,8 +328,8 @@ def _walked(motion: Motion, t: Array, q: Array) -> list[Configuration]:
     if motion.mode == "free-floating":
         wheels, rest = np.zeros((len(t), len(motion.arm.wheels))), np.zeros(motion.arm.n)
         flown = FlownRows(start, t, q, wheels, rest)
-        flown = flown.landed({len(t) - 1: motion[-1].base.rotation})
-        return [placed(start, *row) for row in zip(flown.q, flown.attitudes(2.0), strict=True)]
+        flown, T = flown.landed({len(t) - 1: motion[-1].base.rotation})
+        return [placed(start, *row) for row in zip(flown.q, T, strict=True)]
     if motion.mode == "attitude-controlled":
         return [placed(start, row, start.base.rotation) for row in q]
     return [motion.arm.at(row, base=start.base) for row in q]

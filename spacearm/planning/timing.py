@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import BSpline, PPoly, make_interp_spline
 from scipy.special import betaincinv
 
-from spacearm.arrays import Array, ArrayLike, finite
+from spacearm.arrays import Array, ArrayLike, Integers, finite
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 
@@ -43,7 +43,7 @@ def rest_to_rest_times(q: Array, rates: Array) -> Array:
     return t
 
 
-def flown_spline(t: Array, q: Array, final_rates: Array) -> PPoly:
+def flown_spline(t: Array, q: Array, final_rates: Array, rests: Integers | None = None) -> PPoly:
     """Return joint positions (n,) over time: quintic splines through rows, at rest at corners.
 
     Their rates and accelerations vanish at corners and at both ends, as those of the motions do
@@ -51,11 +51,12 @@ def flown_spline(t: Array, q: Array, final_rates: Array) -> PPoly:
 
     Args:
         t: (m,) times of the rows [s].
-        q: (m, n) joint positions.
+        q: (m, ..., n) joint positions, of one motion or of several with the same corners.
         final_rates: (n,) rates at the end [rad/s] or [m/s].
+        rests: The corners; those of q if None.
     """
     pieces = []
-    for first, last in pairwise(corners(np.diff(q, axis=0))):
+    for first, last in pairwise(corners(np.diff(q, axis=0)) if rests is None else rests):
         rows, ends = slice(first, last + 1), last == len(q) - 1
         spline = smooth(t[rows], q[rows], final_rates if ends else 0.0 * final_rates)
         pieces.append(_polynomials(spline, t[rows]))
@@ -63,14 +64,14 @@ def flown_spline(t: Array, q: Array, final_rates: Array) -> PPoly:
 
 
 def smooth(t: Array, values: Array, last: Array | float = 0.0) -> BSpline:
-    """Return the quintic spline through values (m, n) that begins at rest and ends with a rate."""
-    still = np.zeros(values.shape[1])
+    """Return the quintic spline through values (m, ...) from rest to a rate at the end."""
+    still = np.zeros(values.shape[1:])
     ends: Any = ([(1, still), (2, still)], [(1, still + last), (2, still)])  # stubs know no vectors
     return make_interp_spline(t, values, k=5, bc_type=ends)
 
 
 def _polynomials(spline: BSpline, t: Array) -> Array:
-    """Return the coefficients (6, m - 1, n) of a quintic spline between its knots t (m,)."""
+    """Return the coefficients (6, m - 1, ...) of a quintic spline between its knots t (m,)."""
     slopes = [spline(t[:-1], order) / math.factorial(order) for order in range(5, -1, -1)]
     return np.array(slopes)
 
@@ -100,7 +101,7 @@ def for_each_joint(arm: SpaceArm, given: ArrayLike | None, name: str, default: A
     return np.broadcast_to(bounds, arm.n)
 
 
-def corners(step: Array) -> Array:
+def corners(step: Array) -> Integers:
     """Return the rows at which a motion turns sharply, the first and the last one too.
 
     Args:

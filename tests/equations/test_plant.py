@@ -58,10 +58,11 @@ class Run:
             return call
 
         calls = {name: outside(name, count) for name, count in known.setup.called(arm.n)}
-        return kernel(
+        found = kernel(
             {"t": np.array([t]), "y": self.y[None]},
             {"laws": known.laws, "plant": known.plant}, outside=calls,
-        )[0]  # fmt: skip
+        )  # fmt: skip
+        return [values[0] for values in found] if isinstance(found, tuple) else found[0]
 
     def rate(self, t=0.0):
         """The rate of the state, the same by NumPy and compiled."""
@@ -198,12 +199,13 @@ def test_power_is_the_rate_of_the_energy(cfg, seed, mode):
     for sign in (1.0, -1.0):
         run.y = y + sign * step * rate
         seen.append(run.by_numpy(equations.observe))
-    slope = (seen[0] - seen[1]) / (2.0 * step)
+    power = (seen[0].energy - seen[1].energy) / (2.0 * step)
+    force = (seen[0].momentum - seen[1].momentum) / (2.0 * step)
     works = rate[2 * n + 13 : 2 * n + 17]
-    size = np.abs(works).max() + abs(slope[-1]) + np.abs(dq).max() ** 3
-    assert slope[-1] == pytest.approx(works.sum(), abs=1e-5 * size)
+    size = np.abs(works).max() + abs(power) + np.abs(dq).max() ** 3
+    assert power == pytest.approx(works.sum(), abs=1e-5 * size)
     np.testing.assert_allclose(  # momentum changes by the wrench alone
-        slope[-13:-7][: {"fixed": 0, "attitude-controlled": 3}.get(mode, 6)],
+        force[: {"fixed": 0, "attitude-controlled": 3}.get(mode, 6)],
         rate[2 * n + 7 : 2 * n + 13][: {"fixed": 0, "attitude-controlled": 3}.get(mode, 6)],
         atol=1e-5 * size,
     )
@@ -217,19 +219,19 @@ def test_what_is_observed_is_what_mechanics_computes(mode):
     h = np.zeros(6) if mode == "fixed" else rng.normal(size=6)
     run = Run(cfg, dq, h, mode, Push(np.arange(6.0)))
     seen = run.by_numpy(equations.observe)
-    np.testing.assert_allclose(run.compiled(equations.observe), seen, rtol=1e-10, atol=1e-10)
-    np.testing.assert_allclose(seen[:6], np.arange(6.0), atol=1e-12)
+    for found, known in zip(run.compiled(equations.observe), seen, strict=True):
+        np.testing.assert_allclose(found, known, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(seen.torque, np.arange(6.0), atol=1e-12)
     moved = sa.forward_dynamics(cfg.with_momentum(h), dq, np.arange(6.0), mode=mode)
-    np.testing.assert_allclose(seen[6:12], moved.ddq, atol=1e-10 * np.abs(moved.ddq).max())
-    seen = seen[6:]
-    np.testing.assert_allclose(seen[6:9], cfg.base.translation, atol=1e-12)
-    turned = pin.XYZQUATToSE3(seen[6:13]).rotation
+    np.testing.assert_allclose(seen.ddq, moved.ddq, atol=1e-10 * np.abs(moved.ddq).max())
+    np.testing.assert_allclose(seen.base[:3], cfg.base.translation, atol=1e-12)
+    turned = pin.XYZQUATToSE3(seen.base).rotation
     np.testing.assert_allclose(turned, cfg.base.rotation, atol=1e-12)
     energy = sa.kinetic_energy(cfg.with_momentum(h), dq, mode=mode)
-    assert seen[-1] == pytest.approx(energy, rel=1e-11)
-    np.testing.assert_allclose(seen[19:25], cfg.A[:, 6:] @ dq, atol=1e-11)
+    assert seen.energy == pytest.approx(energy, rel=1e-11)
+    np.testing.assert_allclose(seen.brought, cfg.A[:, 6:] @ dq, atol=1e-11)
     kept = {"free-floating": 6, "attitude-controlled": 3, "fixed": 0}[mode]
-    np.testing.assert_allclose(seen[13:19][:kept], h[:kept], atol=1e-11)
+    np.testing.assert_allclose(seen.momentum[:kept], h[:kept], atol=1e-11)
 
 
 # --- laws -----------------------------------------------------------------------------------

@@ -108,6 +108,21 @@ def test_short_ways_between_corners_turn_the_spacecraft_as_straight_lines_do(mom
     np.testing.assert_allclose(short, straight, atol=1e-9)
 
 
+@pytest.mark.parametrize("momentum", [0.0, 0.5])
+def test_bent_rows_turn_the_spacecraft_as_if_each_was_flown(momentum):
+    """With a corner in the middle, which bends leave."""
+    rng = np.random.default_rng(3)
+    arm = sa.load("planar3")
+    q = np.cumsum(np.vstack([rng.normal(size=3), *([rng.normal(0, 0.05, 3)] * 6 for _ in "ab")]), 0)
+    start = arm.at(q[0], momentum=np.eye(6)[5] * momentum)
+    flown = FlownRows(start, 2.0 * np.arange(13), q, np.zeros((13, 0)), np.zeros(3))
+    wave = 1e-3 * (1.0 - np.cos(np.pi * np.arange(13) / 3.0))[:, None]
+    bends = np.stack((0.0 * q, wave * [1.0, 0.0, -1.0], wave * [0.0, 1.0, 0.5]), axis=1)
+    for i, T in enumerate(flown.attitudes_bent(bends, 0.2)):
+        known = replace(flown, q=q + bends[:, i]).attitudes(0.2)
+        np.testing.assert_allclose(T, known, atol=1e-9)
+
+
 def by_hand(arm, q, rate, momentum):
     """A plan through rows, the spacecraft where it is as flown."""
     rows = walk(arm.at(q[0]).centred(np.zeros(3)), q)
