@@ -8,7 +8,8 @@ attitude therefore obeys an ordinary differential equation in one variable, T' =
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, overload
 
 import numpy as np
 import pinocchio as pin
@@ -64,15 +65,43 @@ def move(cfg: Configuration, q: ArrayLike) -> Configuration:
     return placed(cfg, cfg.q + dq, T)
 
 
-def walk(start: Configuration, Q: Array) -> list[Configuration]:
-    """Return the configurations along straight joint segments, as `move` after `move` does.
+class Walk(Sequence[Configuration]):
+    """The configurations along straight joint segments, as `move` after `move` does.
+
+    Each of them is computed when it is first asked for.
+
+    Attributes:
+        q: (m, n) joint positions.
 
     Args:
-        start: Where the motion begins.
-        Q: (m, n) the ends of the segments, the first of them start.q.
+        start: The first configuration.
+        q: (m, n) the ends of the segments, the first of them start.q.
+        T: (m, 3, 3) the attitudes there, as of `attitudes`.
     """
-    T = attitudes(start, Q)
-    return [start, *(placed(start, q, R) for q, R in zip(Q[1:], T[1:], strict=True))]
+
+    def __init__(self, start: Configuration, q: Array, T: Array) -> None:
+        self.q, self._T, self._known = q, T, {0: start}
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @overload
+    def __getitem__(self, i: int) -> Configuration: ...
+
+    @overload
+    def __getitem__(self, i: slice) -> list[Configuration]: ...
+
+    def __getitem__(self, i: int | slice) -> Configuration | list[Configuration]:
+        if isinstance(i, slice):
+            return [self[k] for k in range(len(self))[i]]
+        if (k := range(len(self))[i]) not in self._known:
+            self._known[k] = placed(self._known[0], self.q[k], self._T[k])
+        return self._known[k]
+
+
+def walk(start: Configuration, Q: Array) -> Walk:
+    """Return the configurations along straight joint segments Q (m, n) that begin at start.q."""
+    return Walk(start, Q, attitudes(start, Q))
 
 
 def attitudes(start: Configuration, Q: Array) -> Array:

@@ -234,7 +234,7 @@ def reaction(
         if not line.any():
             raise ConfigurationError("camera is zero; give the direction of its line of sight")
         sight = line / np.linalg.norm(line)
-    floating = list(run)
+    floating: Sequence[Configuration] = list(run)
     if run.mode != "free-floating":
         floating = walk(run.arm.at(run.q[0], base=run[0].base), run.q)
     start = floating[0].base.rotation

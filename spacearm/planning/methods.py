@@ -6,7 +6,7 @@ A method that fails raises a NoSolutionError that says why.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -24,7 +24,7 @@ from spacearm.motion.leading import straight_line
 from spacearm.planning.guesses import ACROSS, CLOSE, Guess, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, turning_axes
 from spacearm.planning.optimiser import ARRIVED, ITERATIONS, NEWTON_STEPS, CurveOptimiser, Target
-from spacearm.planning.problem import InContactError, Problem, Rows, travel
+from spacearm.planning.problem import InContactError, Problem, Rows, joints_of, travel
 from spacearm.planning.roadmap import Roadmap
 from spacearm.planning.timing import rest_to_rest_times
 from spacearm.planning.tree import BOXES, by_boxes, by_tree, straight_rows
@@ -119,7 +119,7 @@ def attitude_first(problem: Problem) -> Rows:
         target = problem.target._replace(tip=None, q=start.q, attitude=start.base.rotation)
         try:
             there = _by_loops(problem, target)
-            rows = problem.check(there + _along_line(problem, there[-1], tip)[1:])
+            rows = problem.check([*there, *_along_line(problem, there[-1], tip)[1:]])
         except NoSolutionError:
             continue
         problem.note = f"the line is free after turns of {turns}"
@@ -159,7 +159,7 @@ def _optimised(
             found.append(_solved(problem, finder, guess, iterations))
         except NoSolutionError as error:
             why = str(error)
-            if isinstance(error.best, list):
+            if isinstance(error.best, Sequence):
                 problem.best = error.best
         if len(found) == ENOUGH:
             break
@@ -206,11 +206,11 @@ def _by_loops(
     """
     why = ""
     for there in _loop_places(problem, target):
-        before = float(rest_to_rest_times(_joints(there), problem.rates)[-1])
+        before = float(rest_to_rest_times(joints_of(there), problem.rates)[-1])
         finder = problem.guesses(there[-1], target)
         try:
             guesses = _without_contact(problem, finder, guesses_of(finder), before)
-            return there + _optimised(problem, finder, guesses)[1:]
+            return [*there, *_optimised(problem, finder, guesses)[1:]]
         except NoSolutionError as error:
             why = why or str(error)
     raise NoSolutionError(why, problem.best)
@@ -222,7 +222,7 @@ def _loop_places(problem: Problem, target: Target) -> Iterator[Rows]:
     left = PLACES if problem.account.rounds else FIRST_PLACES
     for place in problem.guesses(problem.start, target).loop_places():
         there = problem.walk(problem.start, straight_rows(problem.start.q, place))
-        if problem.contact(problem.start, _joints(there)) is None:
+        if problem.contact(problem.start, joints_of(there)) is None:
             yield there
             left -= 1
         if not left:
@@ -266,11 +266,6 @@ def _in_words(w: Array) -> str:
     """Describe a turn about one axis."""
     axis = int(np.abs(w).argmax())
     return f"{np.degrees(w[axis]):.0f} deg about {'xyz'[axis]}"
-
-
-def _joints(rows: Rows) -> Array:
-    """Return the joint positions (m, n) of rows."""
-    return np.array([cfg.q for cfg in rows])
 
 
 def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Rows:

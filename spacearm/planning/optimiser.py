@@ -37,7 +37,7 @@ from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.distance import linearise
-from spacearm.mechanics.floating import attitudes, chained, placed, turns_and_effects, walk
+from spacearm.mechanics.floating import Walk, attitudes, chained, placed, turns_and_effects, walk
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.motion.goal import goal_axes, goal_rows, twist_between
@@ -319,7 +319,7 @@ class CurveOptimiser:
         )
         return np.asarray(result.x)
 
-    def refine(self, x: Array) -> list[Configuration]:
+    def refine(self, x: Array) -> Walk:
         """Return the rows of a motion, its end made exact by Newton's method.
 
         Corners beyond the joint limits are moved there first, and stay.

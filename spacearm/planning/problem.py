@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +18,7 @@ from spacearm.collisions.swept_motion import Curved, Floating, SweptMotion
 from spacearm.errors import ImpossibleError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.distance import distance_at
-from spacearm.mechanics.floating import walk
+from spacearm.mechanics.floating import Walk, attitudes
 from spacearm.mechanics.jacobian import singular_values, task_jacobian
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
@@ -40,7 +40,9 @@ from spacearm.singularities.sets import prove_regular, prove_way
 from spacearm.singularities.sides import dividable, on_the_other_side, parted
 
 #: The configurations along a motion, which is straight in joint space between them.
-Rows: TypeAlias = list[Configuration]
+Rows: TypeAlias = Sequence[Configuration]
+#: The same, or a plan.
+Way = TypeVar("Way", bound="Rows | Plan")
 
 #: Time for a look at the sides on which a goal is reached [s], and searches for postures there.
 SIDE_TIME, SIDE_SEARCHES = 1.0, 100
@@ -160,13 +162,13 @@ class Problem:
         """The random numbers of this round."""
         return np.random.default_rng((self.request.search.seed, self.account.rounds))
 
-    def check(self, rows: Rows) -> Rows:
+    def check(self, rows: Way) -> Way:
         """Return rows that arrive if they keep clearance, joint limits and distance between bodies.
 
         Raises:
             NoSolutionError: They do not.
         """
-        arm, q = self.start.arm, np.array([cfg.q for cfg in rows])
+        arm, q = self.start.arm, joints_of(rows)
         proven, mode = self._proven
         distance = self._distances(q)
         worst = int(np.argmin(distance))
@@ -202,7 +204,7 @@ class Problem:
         held = self.request.held
         return (held, HELD) if held else (self.start.arm, FLOATING)
 
-    def _failure(self, cause: str, why: str, rows: Rows | None = None) -> NoSolutionError:
+    def _failure(self, cause: str, why: str, rows: object = None) -> NoSolutionError:
         """Count what stops a motion, by the words of `account.WAYS`; return the error for it."""
         self.account.ways[cause] += 1
         return NoSolutionError(why, rows)
@@ -217,11 +219,11 @@ class Problem:
         sign = np.sign(np.linalg.det(J)) if arm.n == arm.task.k else np.ones(len(q))
         return sign[0] * sign * np.array([distance_at(cfg, FLOATING) for cfg in rows])
 
-    def _check_turn(self, rows: Rows) -> None:
+    def _check_turn(self, rows: Rows | Plan) -> None:
         """Raise a NoSolutionError if the spacecraft turns too far."""
         if self.keep is None:
             return
-        turn = largest_turn(rows)
+        turn = largest_turn([*rows])
         self.note = f"the spacecraft turns by at most {turn:.2g} rad, between the rows too"
         if turn > self.keep:
             raise self._failure(
@@ -232,7 +234,11 @@ class Problem:
             )
 
     def contact(
-        self, start: Configuration, path: Array, before: float = 0.0, rows: Rows | None = None
+        self,
+        start: Configuration,
+        path: Array,
+        before: float = 0.0,
+        rows: Rows | Plan | None = None,
     ) -> Contact | None:
         """Return a contact on straight joint segments; None if none is there or counts.
 
@@ -248,7 +254,7 @@ class Problem:
         way: Array | SweptMotion = path
         if self.collisions.obstacles:
             times = before + rest_to_rest_times(path, self.rates)
-            way = Floating(rows or self.walk(start, path), times)
+            way = Floating([*(rows or self.walk(start, path))], times)
         contact = self.collisions.contact(way, self.account.check_time)
         if contact is not None:
             self.account.ways["contact"] += 1
@@ -270,13 +276,14 @@ class Problem:
             return "bodies meet"
         return ""
 
-    def walk(self, start: Configuration, path: Array) -> Rows:
+    def walk(self, start: Configuration, path: Array) -> Walk:
         """Return the configurations along straight joint segments (m, n), as `floating.walk`."""
-        rows = [start]
+        T = start.base.rotation[None]
         for i in range(1, len(path), TOGETHER):
             self.account.check_time()
-            rows += walk(rows[-1], np.vstack((rows[-1].q, path[i : i + TOGETHER])))[1:]
-        return rows
+            turns = T[0].T @ attitudes(start, path[i - 1 : i + TOGETHER])[1:]
+            T = np.concatenate((T, T[-1] @ turns))
+        return Walk(start, path, T)
 
     def guesses(self, start: Configuration, target: Target) -> GuessFinder:
         """Return the finder of first guesses for motions from a configuration."""
@@ -316,9 +323,14 @@ class Problem:
         return covered(replace(found, tried=(*failed, last)), self.request.constraints.collisions)
 
 
+def joints_of(rows: Rows | Plan) -> Array:
+    """Return the joint positions (m, n) of rows."""
+    return rows.q if isinstance(rows, Walk | Plan) else np.array([cfg.q for cfg in rows])
+
+
 def travel(rows: Rows) -> float:
     """Return the sum of the motions of all joints [rad] or [m]."""
-    return float(np.abs(np.diff([cfg.q for cfg in rows], axis=0)).sum())
+    return float(np.abs(np.diff(joints_of(rows), axis=0)).sum())
 
 
 def beyond_limits(arm: SpaceArm, q: Array, lower: Array, upper: Array) -> str:

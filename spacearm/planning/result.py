@@ -357,7 +357,7 @@ def landed(
 
 def best_attempt(cfg: Configuration, rows: object, tried: Iterable[Attempt] = ()) -> Plan:
     """Return the best attempt: rows that do not solve the problem, or the start alone."""
-    best = rows if isinstance(rows, list) else [cfg]
+    best = rows if isinstance(rows, Sequence) else [cfg]
     return Plan.of_rows("best attempt", best, timing.largest_rates(cfg.arm), tried=tuple(tried))
 
 

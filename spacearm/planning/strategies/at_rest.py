@@ -69,7 +69,7 @@ def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]
             found = problem.plan(name, methods[name](problem), problem.request)
             wanted = problem.target.attitude if problem.target.tip is None else None
             found = paced(landed(found, wanted), problem.rates)
-            problem.check([*found])
+            problem.check(found)
             return problem.arrived(found, attempts.stories)
     rounds = f"{account.rounds + 1} rounds" if account.rounds else "1 round"
     parts = (f"no plan found in {account.elapsed:.1f} s, {rounds}", account.verdict, attempts.told)

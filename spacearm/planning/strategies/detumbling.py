@@ -183,7 +183,7 @@ class Detumbling:
         t, wheels = motion.duration * u, motion.at(u)[:, self.start.arm.n :]
         found = problem.plan(METHOD, rows, self.request, t=t, wheels=wheels)
         self.best = found = landed(replace(found, wheel_load=landing.bounds.load(motion)))
-        problem.check([*found])
+        problem.check(found)
         return problem.arrived(found, self.attempts.failed)
 
 

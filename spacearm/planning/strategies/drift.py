@@ -222,7 +222,7 @@ class Drift:
         at = {"t": t, "wheels": wheels, "final_rates": rates}
         found = problem.plan(self.attempts.method, rows, self.request, **at)
         self.best = found = landed(found)
-        problem.check([*found])
+        problem.check(found)
         steps = np.vstack((np.diff(found.q, axis=0) / np.diff(t)[:, None], rates))
         over = np.abs(steps).max(axis=0) / problem.rates
         if over.max() > 1.0:

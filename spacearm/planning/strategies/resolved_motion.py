@@ -224,7 +224,7 @@ def reactionless(problem: Problem) -> Rows:
         try:
             return problem.check(together.led(bias, problem.stopped))
         except NoSolutionError as error:
-            if isinstance(error.best, list):
+            if isinstance(error.best, Sequence):
                 problem.best = error.best
             if problem.account.ways["turn"] > turned or not why:
                 why, turned = str(error), np.inf  # the firmest that arrives
