@@ -75,6 +75,8 @@ STATED = ("n", "tips")
 PARTS = ("arm", "configuration", "q")
 #: Kinds of parameters that are given without their names.
 IN_ORDER = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+#: Kinds that take any number of arguments.
+OPEN = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 #: Characters of a value in a message.
 MOST_SHOWN = 60
 #: Characters of a docstring in a message.
@@ -305,7 +307,7 @@ def check(thing: Callable[..., object], args: Sequence[object], kwargs: Mapping[
     Raises:
         ConfigurationError: One is of a wrong kind, missing or unknown; says what to give.
     """
-    name, parameters, hints = _parameters(thing)
+    (name, parameters, hints), (ordered, needed, more) = _parameters(thing), _names(thing)
     sizes: dict[str, int] = {}
     if args and "self" in parameters:
         owner: Any = args[0]
@@ -313,28 +315,27 @@ def check(thing: Callable[..., object], args: Sequence[object], kwargs: Mapping[
         for letter in STATED:
             size = getattr(owner, letter, getattr(parts.get(letter), letter, None))
             sizes |= {letter: size} if isinstance(size, int) else {}
-    kinds = {p.kind for p in parameters.values()}
-    ordered = [p for p in parameters.values() if p.kind in IN_ORDER]
-    given = {p.name: value for p, value in zip(ordered, args, strict=False)}
+    given = dict(zip(ordered, args, strict=False))
     for key, value in kwargs.items():
         if key in parameters and parameters[key].kind is not inspect.Parameter.VAR_KEYWORD:
             given[key] = value
-        elif inspect.Parameter.VAR_KEYWORD not in kinds:
+        elif inspect.Parameter.VAR_KEYWORD not in more:
             raise ConfigurationError(_no_such(name, key, parameters, hints))
     for key, value in given.items():
         _require(thing, name, key, value, hints)
-        _require_shape(thing, name, key, value, hints, sizes)
-    if len(args) > len(ordered) and inspect.Parameter.VAR_POSITIONAL not in kinds:
+        if isinstance(value, np.ndarray):
+            _require_shape(thing, name, key, value, hints, sizes)
+    if len(args) > len(ordered) and inspect.Parameter.VAR_POSITIONAL not in more:
         others = [p.name for p in parameters.values() if p.kind is p.KEYWORD_ONLY]
         rest = f"; give by name: {', '.join(others)}" if others else ""
         raise ConfigurationError(
             f"{name} was given {shown(args[len(ordered)])} after all its positional arguments: "
-            f"{', '.join(p.name for p in ordered) or 'none'}{rest}"
+            f"{', '.join(ordered) or 'none'}{rest}"
         )
-    for p in parameters.values():
-        if p.default is p.empty and p.kind in (*IN_ORDER, p.KEYWORD_ONLY) and p.name not in given:
-            what = _words(hints[p.name]) if p.name in hints else "it"
-            raise ConfigurationError(f"{name} needs {p.name}; give {what}{_told(thing, p.name)}")
+    for key in needed:
+        if key not in given:
+            what = _words(hints[key]) if key in hints else "it"
+            raise ConfigurationError(f"{name} needs {key}; give {what}{_told(thing, key)}")
 
 
 @cache
@@ -357,6 +358,15 @@ def _parameters(
         dict(inspect.signature(thing).parameters),
         hints,
     )
+
+
+@cache
+def _names(thing: Callable[..., object]) -> tuple[tuple[str, ...], tuple[str, ...], frozenset[Any]]:
+    """Return the parameters given in order, those without default, and the kinds of open ones."""
+    each = _parameters(thing)[1].values()
+    ordered = tuple(p.name for p in each if p.kind in IN_ORDER)
+    needed = tuple(p.name for p in each if p.default is p.empty and p.kind not in OPEN)
+    return ordered, needed, frozenset(p.kind for p in each if p.kind in OPEN)
 
 
 def _hints(thing: object) -> dict[str, Hint]:
@@ -392,7 +402,7 @@ def _require_shape(
     thing: Callable[..., object],
     of: str,
     name: str,
-    value: object,
+    value: Any,
     hints: Mapping[str, Hint],
     sizes: dict[str, int],
 ) -> None:
@@ -407,7 +417,7 @@ def _require_shape(
         sizes: What letters stand for, as far as it is known; those of this array are added.
     """
     stated, origin = _stated(thing, name), get_origin(hints.get(name))
-    if not stated or not isinstance(value, np.ndarray) or origin != np.ndarray:
+    if not stated or origin != np.ndarray:
         return
     many = "..." in stated
     tail = stated[stated.index("...") + 1 :] if many else stated
@@ -435,14 +445,9 @@ def _stated(thing: Callable[..., object], name: str) -> tuple[str, ...]:
 
 def fits(value: object, hint: Hint) -> bool:
     """Tell whether a value is of the kind that an annotation says."""
-    if isinstance(hint, TypeVar):
-        hint = hint.__bound__ or object
-    members = _members(hint)
+    members, origin, inner = _kind(hint)
     if len(members) > 1:
         return any(fits(value, member) for member in members)
-    (hint,) = members
-    origin: Any = get_origin(hint) or hint
-    inner = get_args(hint)
     if origin is Literal:
         return isinstance(value, str) and value in inner
     if origin is Numbers:
@@ -473,22 +478,35 @@ def fits(value: object, hint: Hint) -> bool:
     return not many or not inner or _entries_fit(value, origin, inner)
 
 
+@cache
+def _kind(hint: Hint) -> tuple[tuple[Hint, ...], Any, tuple[Hint, ...]]:
+    """Return the members of a union, in some order; of other hints the origin and what is in []."""
+    if isinstance(hint, TypeVar):
+        hint = hint.__bound__ or object
+    members = _members(hint)
+    return members, get_origin(members[0]) or members[0], get_args(members[0])
+
+
 def _takes(function: Callable[..., object], inner: tuple[Hint, ...]) -> bool:
     """Tell whether a function can be called with as many arguments as stand in []."""
     if not inner or not isinstance(inner[0], list):
         return True
     call = type(function).__call__
+    if isinstance(call, types.FunctionType):  # that of a class, read once
+        return _binds_once(call, 1 + len(inner[0]))
+    return _binds(function, len(inner[0]))
+
+
+def _binds(function: Callable[..., object], count: int) -> bool:
+    """Tell whether a function takes so many arguments, as far as its signature is known."""
     try:
-        if isinstance(call, types.FunctionType):  # that of a class, read once
-            _signature(call).bind(function, *inner[0])
-        else:
-            inspect.signature(function).bind(*inner[0])
-    except (TypeError, ValueError) as error:  # ValueError: of some that are built in there is none
+        inspect.signature(function).bind(*[None] * count)
+    except (TypeError, ValueError) as error:
         return isinstance(error, ValueError)
     return True
 
 
-_signature = cache(inspect.signature)
+_binds_once = cache(_binds)
 
 
 def _entries_fit(value: Any, origin: type, inner: tuple[Hint, ...]) -> bool:

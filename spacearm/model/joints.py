@@ -159,8 +159,9 @@ def warn_outside(arm: JointSpace, q: Array, what: str = "q") -> None:
     """
     names = outside_limits(arm, q)
     angles = np.abs(np.where(arm.slides, 0.0, q))
-    turned, whole = bool((angles > TURN).any()), bool((angles == np.round(angles)).all())
-    if not (names or (turned and whole)) or (site := errors.call_site()) in _warned:
+    turned = bool((angles > TURN).any())
+    odd = names or (turned and (angles == np.round(angles)).all())
+    if not odd or (site := errors.call_site()) in _warned:
         return
     _warned.add(site)
     hint = "; angles are in radians: np.radians(...) turns degrees into them" if turned else ""

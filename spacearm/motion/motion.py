@@ -663,7 +663,8 @@ def drift_of(momentum: Array, impulse: Array, brought: Array, free: int) -> floa
         free: How many components are kept.
     """
     change = np.abs((momentum - impulse - momentum[0])[:, :free]).max(initial=0.0)
-    most = np.abs(np.vstack((brought, momentum[:1], impulse))[:, :free]).max(initial=0.0)
+    sizes = (np.abs(h[:, :free]).max(initial=0.0) for h in (brought, momentum[:1], impulse))
+    most = max(sizes)
     return float(change / most) if most > 0.0 else 0.0
 
 

@@ -429,7 +429,7 @@ class Runs:
         output = np.arange(len(step)) - np.repeat(np.cumsum(count) - count - first, count)
         run = steps.run[step]
         self.outputs[run, output] = self.batch.states(steps, step, self.times[output])
-        np.maximum.at(self.written, run, output + 1)
+        np.maximum.at(self.written, steps.run, last)
 
     def _fail(self, run: int) -> None:
         """Note why the integrator stopped a run."""

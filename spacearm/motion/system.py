@@ -433,7 +433,7 @@ def _law(
         elif name == "rest":
             value = joint_vector(arm, value, "rest")
         elif shape:
-            value = np.broadcast_to(gains(value, rows, name), rows)
+            value = np.full(rows, gains(value, rows, name))
         numbers.append(np.ravel(value))
     return law, numbers
 
@@ -500,11 +500,6 @@ def _array(values: Any) -> Any:
 def _plant_numbers(system: System, setup: Setup, bounds: list[float]) -> dict[str, Array]:
     """Return the numbers of a system by name; (n,) each of springs, friction and joint limits."""
     arm, hold = system.arm, system.hold
-    still = PassiveJoint(slip=1.0)
-    passive = [system.passive.get(name, system.passive.get(f"q{j + 1}", still))
-               for j, name in enumerate(arm.joint_names)]  # fmt: skip
-    names = ("stiffness", "relaxed", "damping", "friction", "slip")
-    described = [arm.tree.joints[name] for name in arm.joint_names]
     frames = [arm.model.frames[arm.model.getFrameId(link, pin.BODY)].placement
               for link, *_ in system.plant.pushed]  # fmt: skip
     wrenches = [np.zeros(6) if callable(wrench) else plants.wrench_at(link, wrench, 0.0)
@@ -517,10 +512,17 @@ def _plant_numbers(system: System, setup: Setup, bounds: list[float]) -> dict[st
         "turns": np.array([frame.rotation for frame in frames]),
         "wrenches": np.array(wrenches),
         "bounds": np.array(bounds),
-        "effort": np.array([joint.effort for joint in described]),
-        "speed": np.array([joint.velocity for joint in described]),
-        **dict(zip(names, np.array(passive, dtype=float).T, strict=True)),
     }
+    if setup.passive:
+        still = PassiveJoint(slip=1.0)
+        passive = [system.passive.get(name, system.passive.get(f"q{j + 1}", still))
+                   for j, name in enumerate(arm.joint_names)]  # fmt: skip
+        names = ("stiffness", "relaxed", "damping", "friction", "slip")
+        known |= zip(names, np.array(passive, dtype=float).T, strict=True)
+    if setup.limits:
+        described = [arm.tree.joints[name] for name in arm.joint_names]
+        known["effort"] = np.array([joint.effort for joint in described])
+        known["speed"] = np.array([joint.velocity for joint in described])
     if hold is not None:
         on_bus = np.where(np.array(setup.wheels) == 0, 1.0, 0.0)[:, None]
         count = len(arm.wheels)
