@@ -32,7 +32,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations_with_replacement
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -48,8 +48,9 @@ NARROW = 1e-7
 #: Share of all coefficients that the polynomials tried first have at most, and how often a box is
 #: halved with these alone before all are tried.
 SMALL, PATIENCE = 0.31, 5
-#: How many of the largest polynomials are tried first where a box counts as a whole.
-LARGEST = 3
+#: How many of the largest polynomials are tried first where a box counts as a whole, and how often
+#: it is halved with these and the smallest one before all are tried.
+LARGEST, LATER = 3, 15
 #: Share of an end of a region within which a box reaches it.
 AT_THE_END = 1e-12
 #: What a single polynomial has to say on where a box is halved, beside the best of their sums.
@@ -218,6 +219,30 @@ class Trial(NamedTuple):
     steady: Array
 
 
+class Region(Protocol):
+    """What proves boxes of joint positions free, in x = (q - origin) / unit.
+
+    Coordinates of x after those of the joints are from -1 to 1.
+    """
+
+    @property
+    def relevant(self) -> Booleans:
+        """Which coordinates matter."""
+
+    @property
+    def alone(self) -> bool:
+        """Whether `values` change their sign at singular configurations."""
+
+    def values(self, X: Array) -> Array:
+        """Compute what changes its sign, (m,) at x (m, n)."""
+
+    def tried(self, centre: Array, half: Array, age: Integers) -> Trial:
+        """Tell which boxes (m, n) are free.
+
+        What is kept of a box while it is halved is its age (m,), zero at first.
+        """
+
+
 @dataclass(frozen=True, eq=False)
 class Roots:
     """Polynomials whose common roots count, as functions of x = (q - origin) / unit.
@@ -326,7 +351,7 @@ class Roots:
         nothing = np.zeros(len(age)), np.zeros(half.shape)
         if small is self:
             return Trial(free, taken, len(age), *nothing)
-        again = np.flatnonzero(~free & (age > PATIENCE))
+        again = np.flatnonzero(~free & (age > (LATER if inside is None else PATIENCE)))
         if len(again):
             part = None if inside is None else Form(*(numbers[again] for numbers in inside))
             free[again], taken[again] = self.free(centre[again], half[again], part)

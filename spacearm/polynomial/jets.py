@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import product
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ from spacearm.polynomial.trig import TrigPolynomial, derivative_bounds
 from spacearm.polynomial.univariate import orders
 
 #: Largest number of partial sums that an evaluation holds at once.
-BLOCK = 1 << 20
+BLOCK = 1 << 22
 #: Logarithm of the largest bound that is computed; numbers end at 709.
 LARGEST = 600.0
 
@@ -146,19 +146,17 @@ class Jets:
         Returns:
             The coordinates that each is taken in, t of them, and (m, t, c) the derivatives.
         """
-        indices: list[list[tuple[int, ...]]] = [[()]]
         found, c = [tensors.reshape(1, 1, -1)], len(tensors)
         of, other = np.zeros(len(Q), dtype=int), np.arange(len(Q)) == 0
-        for j in reversed(self._axes):  # the indices and derivatives of each order
+        for j in reversed(self._axes):  # the derivatives of each order
             other[1:] |= Q[1:, j] != Q[:-1, j]
             rows = np.flatnonzero(other)
             m, before, of = len(rows), of[rows], np.cumsum(other) - 1
-            waves, some = self._waves(Q[rows, j], j, order), zip(indices, found, strict=True)
+            waves = self._waves(Q[rows, j], j, order)
             size = waves.shape[2]
-            indices = [[] for _ in range(order + 1)]
-            parts: list[list[Array]] = [[] for _ in indices]
-            for d, (index, held) in enumerate(some):
-                left, t = order + 1 - d, len(index)
+            parts: list[list[Array]] = [[] for _ in range(order + 1)]
+            for d, held in enumerate(found):
+                left, t = order + 1 - d, held.shape[1]
                 if len(held) == 1:
                     sums = waves[:, :left].reshape(-1, size) @ held.reshape(-1, size).T
                     sums = sums.reshape(m, left, -1).swapaxes(1, 2)
@@ -166,10 +164,9 @@ class Jets:
                     held = held if len(held) == m else held[before]
                     sums = held.reshape(m, -1, size) @ waves[:, :left].swapaxes(1, 2)
                 for e in range(left):
-                    indices[d + e] += [(*i, *(j,) * e) for i in index]
                     parts[d + e].append(sums[:, :, e].reshape(m, t, -1))
             found = [part[0] if len(part) == 1 else np.concatenate(part, axis=1) for part in parts]
-        places = [i for index in indices for i in index]
+        places = taken_in(tuple(self._axes), order)
         values = np.concatenate(found, axis=1)
         return places, values[of].reshape(len(Q), len(places), c)
 
@@ -239,6 +236,18 @@ class Jets:
         return float(derivative_bounds(self._sizes, weights, 0))
 
 
+@cache
+def taken_in(axes: tuple[int, ...], order: int) -> list[tuple[int, ...]]:
+    """Return the coordinates that each derivative is taken in, in order, as they are contracted."""
+    found: list[list[tuple[int, ...]]] = [[()]]
+    for j in reversed(axes):
+        some, found = found, [[] for _ in range(order + 1)]
+        for d, index in enumerate(some):
+            for e in range(order + 1 - d):
+                found[d + e] += [(*(j,) * e, *i) for i in index]
+    return [tuple(sorted(i)) for index in found for i in index]
+
+
 def stacked(polynomials: Sequence[Jets], Q: Array, order: int = 0) -> Jet:
     """Evaluate c polynomials at Q (m, n): values (m, c), gradients (m, c, n), hessians, ..."""
     n, c = Q.shape[1], len(polynomials)
@@ -267,7 +276,7 @@ def derivatives(polynomials: Sequence[Jets], Q: Array, indices: Sequence[tuple[i
 
     def do(which: list[int], tensors: Array, rows: Integers) -> None:
         of, values = polynomials[which[0]].partials(tensors, Q[rows], order)
-        places = {tuple(sorted(index)): i for i, index in enumerate(of)}
+        places = {index: i for i, index in enumerate(of)}
         own = [t for t, index in enumerate(wanted) if index in places]
         at = [places[wanted[t]] for t in own]
         found[np.ix_(rows, np.array(which), np.array(own, dtype=int))] = values[:, at].swapaxes(

@@ -2,11 +2,13 @@
 
 A box is grown from a configuration, or from the ranges of a motion, one side at a time: a side
 moves on as soon as the slab that it adds is proven free (`polynomial.free_regions`), and stops
-where a singular configuration is found in the slab. With a clearance the slab counts with
+where a singular configuration is found in the slab. What is nearest to the side is proven first:
+where the effort ends, the side moves through what is proven. With a clearance the slab counts with
 everything that is no farther from it.
 
 One polynomial S that changes its sign at singular configurations keeps it in a box if |S| is not
-zero where it is least (`free_regions.shrunk`). With a clearance all cells are proven.
+zero where it is least (`free_regions.shrunk`): a slab counts as a whole then. With a clearance all
+cells are proven.
 
 The box may have coordinates beyond the joints, whose ranges stand from the beginning: the numbers
 of an arm that are known in intervals (`uncertainty.robust_boxes`).
@@ -28,8 +30,6 @@ import scipy
 from spacearm.arrays import (
     Array,
     ArrayLike,
-    Booleans,
-    Integers,
     Progress,
     numbers_of,
     positive,
@@ -40,7 +40,7 @@ from spacearm.files import write
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_scales
-from spacearm.polynomial.free_regions import Roots, Trial, halved, shrunk
+from spacearm.polynomial.free_regions import Region, Roots, halved, shrunk
 from spacearm.polynomial.tubes import ROUNDING
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.signatures import checked
@@ -63,6 +63,8 @@ ON_THE_SET = 1e-9
 #: Half width of cells that are not halved; parts of a way to a root.
 NARROW, PARTS = 1e-7, 64
 TURN = 2.0 * np.pi
+#: How many times as many cells a slab gets as long as no part of it worth a move is proven.
+PATIENCE = 3
 #: Coefficients of polynomials that get the whole effort; of larger ones a cell takes longer.
 LARGE = 40_000
 
@@ -297,30 +299,6 @@ class Effort(NamedTuple):
     slab: int
 
 
-class Region(Protocol):
-    """What proves boxes of joint positions free, in x = (q - origin) / unit.
-
-    Coordinates of x after those of the joints are from -1 to 1.
-    """
-
-    @property
-    def relevant(self) -> Booleans:
-        """Which coordinates matter."""
-
-    @property
-    def alone(self) -> bool:
-        """Whether `values` change their sign at singular configurations."""
-
-    def values(self, X: Array) -> Array:
-        """Compute what changes its sign, (m,) at x (m, n)."""
-
-    def tried(self, centre: Array, half: Array, age: Integers) -> Trial:
-        """Tell which boxes (m, n) are free.
-
-        What is kept of a box while it is halved is its age (m,), zero at first.
-        """
-
-
 def grown(
     about: Postures,
     region: Callable[[Array, Array, Array, Array], Region],
@@ -426,6 +404,7 @@ class Growth:
         self.cells = 0
         self.rng = np.random.default_rng(0)
         self.alone = self.region.alone
+        self.whole = self.alone and not clearance
         self.sign = np.sign(self.region.values(np.zeros((1, n + more)))[0])
 
     def corners(self) -> tuple[Array, Array]:
@@ -443,8 +422,8 @@ class Growth:
             NoSolutionError: It is not proven; carries the singular configuration if one is there.
         """
         low, high = self.corners()
-        free, root = self.prove(low, high, None)
-        if not free:
+        proven, root = self.prove(low, high, None)
+        if proven < np.inf:
             near = "" if root is None else ": a singular posture is in them or too near"
             raise NoSolutionError(
                 f"{self.arm.name}: the joint ranges of the start are not proven free of "
@@ -488,10 +467,9 @@ class Growth:
     ) -> None:
         """Move one side outwards by its step, or less; or say why it has stopped."""
         (j, s), here = side, self.extent[side]
-        width = float(self.extent[j].sum())
+        width, margin = float(self.extent[j].sum()), self.margin(side)
         if width >= widest:
             return
-        margin = SHARE * max(width, LEAST_WIDTH)
         root, cap = self.nearest_to(side)
         turn = np.inf if self.arm.slides[j] else TURN - self.extent[j, 1 - s]
         if here >= min(self.bound[side], turn):
@@ -506,29 +484,35 @@ class Growth:
             low, high = self.corners()
             start, end = (low, high) if s else (high, low)
             start[j], end[j] = (here, to) if s else (-here, -to)
-            free, root = self.prove(*((start, end) if s else (end, start)), side)
-            if free:
-                self.extent[side] = to
-            elif root is None:
-                step[side] = (to - here) / 2.0
-            else:
+            proven, root = self.prove(*((start, end) if s else (end, start)), side)
+            self.extent[side] = min(max(proven - NARROW, here), to)
+            if root is not None:
                 self.found.append(root)
+            elif proven < to:
+                step[side] = (to - here) / 2.0 if self.whole else proven - here
+
+    def margin(self, side: tuple[int, int]) -> float:
+        """Return how far before a singular x a side stops."""
+        return SHARE * max(float(self.extent[side[0]].sum()), LEAST_WIDTH)
 
     def nearest_to(self, side: tuple[int, int]) -> tuple[Array | None, float]:
         """Return the singular x that stops a side first, and how far the side may be."""
         if not self.found:
             return None, np.inf
-        j, s = side
-        X = np.array(self.found)
-        low, high = self.corners()
-        beyond = np.maximum(np.maximum(low - X, X - high), 0.0)
-        beyond[:, j] = 0.0
-        gap = self.clear.max() ** 2 - (beyond**2).sum(axis=1)
-        outwards = X[:, j] if s else -X[:, j]
-        ahead = (gap >= -1e-12) & (outwards > self.extent[side] - 1e-9)
-        far = np.where(ahead, outwards - np.sqrt(np.maximum(gap, 0.0)), np.inf)
+        X, (j, s) = np.array(self.found), side
+        ahead = (X[:, j] if s else -X[:, j]) > self.extent[side] - 1e-9
+        far = np.where(ahead, self.room(X, 0.0, side), np.inf)
         best = int(np.argmin(far))
         return X[best], float(far[best])
+
+    def room(self, centre: Array, half: Array | float, side: tuple[int, int]) -> Array:
+        """Return how far a side may be before cells are in the box or nearer than the clearance."""
+        (j, s), (low, high) = side, self.corners()
+        beyond = np.maximum(np.maximum(low - centre - half, centre - half - high), 0.0)
+        beyond[:, j] = 0.0
+        gap = self.clear.max() ** 2 - (beyond**2).sum(axis=1)
+        begin = ((2 * s - 1) * centre - half)[:, j]
+        return np.where(gap >= -1e-12, begin - np.sqrt(np.maximum(gap, 0.0)), np.inf)
 
     def box(self) -> FreeBox:
         """Return the box."""
@@ -557,19 +541,23 @@ class Growth:
 
     def prove(
         self, low: Array, high: Array, side: tuple[int, int] | None
-    ) -> tuple[bool, Array | None]:
-        """Prove that no singular x is in a slab or nearer than the clearance, or find one."""
+    ) -> tuple[float, Array | None]:
+        """Prove that no singular x is in a slab or nearer than the clearance, or find one.
+
+        Returns:
+            How far the side may be, infinity if all is proven; and the singular x (n,), or None.
+        """
         if (root := self.crossing(low, high, side)) is not None:
-            return False, root
+            return -np.inf, root
         outer = np.array((low - self.clear, high + self.clear))
-        half = 0.5 * (outer[1] - outer[0]) * (1.0 + ROUNDING)
-        stack = [(outer.mean(axis=0)[None], half[None], np.zeros(1, dtype=int))]
+        centre, half = outer.mean(axis=0), 0.5 * (outer[1] - outer[0]) * (1.0 + ROUNDING)
+        cells = [centre[None], half[None], np.zeros(1, dtype=int), np.full(1, -np.inf)]
         looked, box = 0, self.corners()
-        while stack:
-            centre, half, age = stack.pop()
-            if len(centre) > BATCH:
-                stack.append((centre[BATCH:], half[BATCH:], age[BATCH:]))
-                centre, half, age = centre[:BATCH], half[:BATCH], age[:BATCH]
+        enough = -np.inf if side is None else self.extent[side] + self.margin(side)
+        while len(cells[0]):
+            order = np.argsort(cells[3], kind="stable")
+            centre, half, age, begin = (part[order[:BATCH]] for part in cells)
+            later = [part[order[BATCH:]] for part in cells]
             trial = self.region.tried(centre, half, age)
             looked, self.cells = looked + trial.work, self.cells + trial.work
             if self.progress:
@@ -579,6 +567,7 @@ class Growth:
             parts = (centre, half, age, trial.taken, trial.steady * self.sign, beyond)
             centre, half, age, taken, rising, beyond = (part[left] for part in parts)
             if not len(centre):
+                cells = later
                 continue
             root = None
             if beyond.any():
@@ -587,16 +576,23 @@ class Growth:
                 smallest = np.argsort(half.max(axis=1))[:FEW]
                 root = self.crossing(low, high, side, centre[smallest])
             narrow = half.max(axis=1).min() < NARROW
-            if root is not None or looked >= self.effort.slab or narrow:
-                return False, root
+            proven = float(begin[left][0]) if root is None else -np.inf
+            most = self.effort.slab * (PATIENCE if -np.inf < proven < enough else 1)
+            done = looked >= most or self.cells >= self.effort.cells
+            if root is not None or done or narrow:
+                return proven, root
             if not self.clearance:
                 ends = np.minimum(low, box[0]), np.maximum(high, box[1])
                 left, centre, half = shrunk(centre, half, rising, *ends)
                 centre, half, age, taken = (part[left] for part in (centre, half, age, taken))
             centre, half = halved(centre, half, np.where(half > 0.0, taken, 0.0))
             near = self.away(centre, half, low, high) <= self.clearance
-            stack.append((centre[near], half[near], np.tile(age, 2)[near]))
-        return True, None
+            begin = np.full(len(centre), -np.inf)
+            if side is not None and not self.whole:
+                begin = self.room(centre, half, side)
+            new = (part[near] for part in (centre, half, np.tile(age, 2), begin))
+            cells = [np.concatenate(parts) for parts in zip(new, later, strict=True)]
+        return np.inf, None
 
     def away(self, centre: Array, half: Array | float, low: Array, high: Array) -> Array:
         """Return how far cells are from a slab, rounded down."""

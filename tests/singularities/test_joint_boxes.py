@@ -5,6 +5,7 @@ import pytest
 import tomllib
 
 import spacearm as sa
+from spacearm.polynomial.free_regions import Trial
 from spacearm.singularities import joint_boxes
 
 
@@ -93,6 +94,33 @@ def test_a_redundant_arm_has_a_box_whose_stops_are_singular():
     assert any(stop.why == "singular" for stop in box.stops)
     assert not any(stop.why == "undecided" for stop in box.stops)
     check_stops(box)
+
+
+@pytest.mark.parametrize("side", [(2, 0), (2, 1)])
+def test_what_is_proven_of_a_slab_counts_where_its_effort_ends(side):
+    """All cells of a slab too thick for its effort were thrown away."""
+    arm, q, reach = sa.load("planar3", task="x y"), np.array([0.2, 1.1, -0.7]), np.full(3, 3.0)
+    end = 0.9 if side[1] else -0.9
+
+    class UpToThere:
+        """Proves cells up to an end, if they are small."""
+
+        def __init__(self, *_):
+            self.relevant, self.alone = np.array([False, True, True]), False
+
+        def values(self, X):
+            return np.zeros(len(X))
+
+        def tried(self, centre, half, _):
+            beyond = (np.sign(end) * centre + half)[:, 2] > 0.9
+            free = (half.max(axis=1) < 0.1) & ~beyond
+            return Trial(free, half, len(free), np.zeros(len(free)), np.zeros(half.shape))
+
+    ends, effort = np.array((q - reach, q + reach)), joint_boxes.Effort(0.4, 4000, 500)
+    growth = joint_boxes.Growth(UpToThere, arm, "free-floating", q[None], ends, 0.0, None, effort)
+    growth.extent[:] = 0.4
+    growth.move(side, {side: 1.0}, np.inf)
+    assert 0.8 <= growth.extent[side] <= 0.9
 
 
 def test_large_polynomials_get_fewer_cells(monkeypatch):
