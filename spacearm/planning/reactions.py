@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -140,19 +140,26 @@ def momentum_bounds(arm: SpaceArm, joints: Array) -> Array:
 
 def product(a: Array, b: Array) -> Array:
     """Return bounds (d, p) of a product, by Leibniz' rule, from those of its factors."""
-    rows = [
-        sum(math.comb(k, i) * a[i] * b[k - i] for i in range(k + 1))
-        for k in range(min(len(a), len(b)))
-    ]
-    return np.array(rows)
+    d = min(len(a), len(b))
+    pairs = (a[:d, None] * b[None, :d]).reshape(d * d, -1)
+    return np.asarray(_leibniz(d) @ pairs)
+
+
+@cache
+def _leibniz(d: int) -> Array:
+    """Return the factors (d, d^2) of pairs of derivatives in the derivatives of a product."""
+    counts = np.zeros((d, d, d))
+    for k in range(d):
+        for i in range(k + 1):
+            counts[k, i, k - i] = math.comb(k, i)
+    return counts.reshape(d, d * d)
 
 
 def turned(angle: Array) -> Array:
     """Return bounds (d, p) of the rotation by an angle about a fixed axis, from its bounds."""
     rows = [np.ones_like(angle[0])]
     for k in range(1, len(angle)):
-        terms = (math.comb(k - 1, i) * rows[i] * angle[k - i] for i in range(k))
-        rows.append(np.sum(list(terms), axis=0))
+        rows.append(sum(math.comb(k - 1, i) * rows[i] * angle[k - i] for i in range(k)))
     return np.array(rows)
 
 
