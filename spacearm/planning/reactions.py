@@ -62,6 +62,13 @@ class Load(NamedTuple):
     torque: Array
     beyond: Array
 
+    def slowed(self, times: float) -> Load:
+        """Return the load of the same way, evenly slowed down to last so many times as long."""
+        share = 1.0 / np.array([times, times**2])
+        return Load(
+            self.t * times, self.momentum * share[0], self.torque * share[1], self.beyond * share
+        )
+
 
 def load_of(arm: SpaceArm, way: PPoly) -> Load:
     """Return the load of a motion, at as many times as `MARGIN` takes.

@@ -236,6 +236,9 @@ def test_more_times_are_taken_where_the_margin_asks_for_them(arm):
     load = load_of(arm, flown_spline(t, q, np.zeros(2)))
     assert len(load.t) > 50
     assert load.beyond[0] < 0.1 * np.abs(load.momentum).max()
+    known = load_of(arm, flown_spline(2.5 * t, q, np.zeros(2)))
+    for found, stretched in zip(load.slowed(2.5), known, strict=True):
+        np.testing.assert_allclose(found, stretched, atol=1e-9 * np.abs(stretched).max())
 
 
 def test_the_command_plans_within_stated_limits(tmp_path):

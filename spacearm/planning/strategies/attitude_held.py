@@ -58,7 +58,8 @@ def attitude_held(request: PlanRequest, floating: Callable[[PlanRequest], Plan])
             raise NoSolutionError("; ".join(filter(None, (str(error), why))), best) from None
         if len(found) == 1:
             return _held(cfg, found, wheels)
-        slower, why = wheels.slowdown(load_of(cfg.arm, found.spline))
+        load = load_of(cfg.arm, found.spline)
+        slower, why = wheels.slowdown(load)
         needed = float(found.t[-1]) * slower
         if slower > 1.0 and duration is not None:
             raise NoSolutionError(
@@ -68,9 +69,9 @@ def attitude_held(request: PlanRequest, floating: Callable[[PlanRequest], Plan])
             )
         if slower > 1.0 and not timed:
             found = stretched(found, needed * ROUND_UP, request.account)
+            load = load.slowed(slower * ROUND_UP)
         if slower <= 1.0 or not timed:
-            plan = _held(cfg, found, wheels)
-            return replace(plan, wheel_load=wheels.story(load_of(plan.arm, plan.spline)))
+            return replace(_held(cfg, found, wheels), wheel_load=wheels.story(load))
         slower = slower**2 if request.final_twist is not None else slower  # as 1 / t: rates stay
         lasts = SLACK * float(found.t[-1]) * slower
     raise NoSolutionError(
@@ -89,13 +90,14 @@ def slowed(arm: SpaceArm, t: Array, q: Array, wheels: Wheels) -> dict[str, Any]:
         wheels: The wheels.
     """
     still = np.zeros(arm.n)
-    slower, _ = wheels.slowdown(load_of(arm, flown_spline(t, q, still)))
+    load = load_of(arm, flown_spline(t, q, still))
+    slower, _ = wheels.slowdown(load)
     if slower > 1.0:
-        t = t * slower * ROUND_UP
+        t, load = t * slower * ROUND_UP, load.slowed(slower * ROUND_UP)
     way = flown_spline(t, q, still)
     moving, _ = momentum_and_torque(arm, q, way(t, 1), way(t, 2))
     spins = wheels.momenta(moving)[:, : len(arm.wheels)]
-    return {"t": t, "wheels": spins, "wheel_load": wheels.story(load_of(arm, way))}
+    return {"t": t, "wheels": spins, "wheel_load": wheels.story(load)}
 
 
 def _held(cfg: Configuration, found: Plan, wheels: Wheels) -> Plan:
