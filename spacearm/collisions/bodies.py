@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Collection, Iterable, Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import combinations
 from typing import NamedTuple
 
@@ -210,6 +210,39 @@ class Geometry:
         found = [compute(self._model, geometry, int(i)).min_distance for i in pairs]
         self._spare.append(geometry)
         return np.array(found, dtype=np.float64)
+
+    def slope(self, joints: Array, pair: int) -> Array:
+        """Return how the distance of a pair on the arm grows with the joints (nv - 6,) [m/rad].
+
+        By the velocities of the two nearest points along the normal between the bodies, which both
+        are on.
+
+        Args:
+            joints: (nv - 6,) positions of the model's joints.
+            pair: Number of the pair.
+        """
+        arm = self._arm
+        geometry = self._spare.pop() if self._spare else self._data()
+        data, full = arm.borrow(), pin.neutral(arm.model)
+        full[7:] = joints
+        pin.computeJointJacobians(arm.model, data, full)
+        pin.updateGeometryPlacements(arm.model, data, self._model, geometry)
+        found = pin.computeDistance(self._model, geometry, pair)
+        normal, point = found.normal, found.getNearestPoint1()
+        slope = np.append(normal, pin.skew(point) @ normal) @ data.J[:, 6:]
+        arm.give_back(data)
+        self._spare.append(geometry)
+        return np.asarray(self._parted[pair] * slope)
+
+    @cached_property
+    def _parted(self) -> Array:
+        """(pairs, nv - 6) 1 where a joint carries the second solid alone, -1 the first alone."""
+        carried = np.zeros((self._arm.model.njoints, self._arm.model.nv - 6))
+        for joint, above in enumerate(self._arm.model.supports):
+            carried[joint, [i - 2 for i in above if i > 1]] = 1.0
+        at = [solid.parentJoint for solid in self._model.geometryObjects]
+        ends = np.array([(at[p.first], at[p.second]) for p in self._model.collisionPairs])
+        return carried[ends[:, 1]] - carried[ends[:, 0]]
 
     def _data(self) -> pin.GeometryData:
         """Make a pin.GeometryData, whose distances do not depend on what was asked before."""

@@ -136,6 +136,11 @@ class Collisions:
         pairs = np.arange(self._own) if pairs is None else pairs
         return self._distances(self.arm.all_joints(q), None, 0.0, pairs) - self._near[pairs]
 
+    def gap_slope(self, q: Array, pair: int) -> Array:
+        """Return the derivative (n,) of the gap of a pair of the arm's bodies [m/rad]."""
+        slope = self._geometry.slope(self.arm.all_joints(q), pair)
+        return slope if self.arm.coupling is None else slope @ self.arm.coupling
+
     def touch(self, q: Array) -> bool:
         """Tell whether bodies of the arm meet each other at joint positions (n,)."""
         return bool((self.gaps(q) < 0.0).any())

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -174,10 +175,14 @@ class GuessFinder:
         reach = self.rng.uniform(0.1, 1.0, (MANY, 1))
         step = reach * (self.free.draw(MANY, self.rng) - self.start.q)
         ways = self.start.q + ALONG[:, None] * step[:, None]
-        ways = ways[self.free.least_distance(ways) > self.target.clearance][:m]
-        if (bodies := self.collisions) is not None:
-            ways = ways[[not any(map(bodies.touch, way[::LOOKED_AT])) for way in ways]]
-        return ways[:, -1]
+        free = self.free.least_distance(ways) > self.target.clearance
+        bodies = self.collisions
+        ends = (
+            way[-1]
+            for way in ways[free]
+            if bodies is None or not any(map(bodies.touch, way[::LOOKED_AT]))
+        )
+        return np.array(list(islice(ends, m))).reshape(-1, self.arm.n)
 
     def loop_places(self) -> Array:
         """Return joint positions (m, n) `in_sight`, where loops turn the spacecraft most first."""

@@ -154,9 +154,11 @@ def _optimised(
     """
     found: list[Rows] = []
     why = "none of the curves tried keeps all constraints"
+    ways, contacts = problem.account.ways, problem.account.ways["contact"]
     for guess in guesses:
         try:
-            found.append(_solved(problem, finder, guess, iterations))
+            met = ways["contact"] > contacts
+            found.append(_solved(problem, finder, guess, iterations, met))
         except NoSolutionError as error:
             why = str(error)
             if isinstance(error.best, Sequence):
@@ -168,18 +170,21 @@ def _optimised(
     return min(found, key=travel)
 
 
-def _solved(problem: Problem, finder: GuessFinder, guess: Guess, iterations: int) -> Rows:
+def _solved(
+    problem: Problem, finder: GuessFinder, guess: Guess, iterations: int, met: bool
+) -> Rows:
     """Return a solution that the optimiser makes of a guess, else the guess as it is.
 
-    Bodies that may meet take the optimiser time. They count only where they met without.
+    Bodies that may meet take the optimiser time. They count only where they met without, on this
+    guess, or if it is free on one before it.
 
     Raises:
         NoSolutionError: Neither is a solution.
     """
     aim = min(problem.ample, guess.room) if guess.room > 0.0 else problem.ample
     target = finder.target._replace(clearance=max(aim, finder.target.clearance))
-    bodies = problem.collisions
-    for counting in (None, None if bodies is None or bodies.obstacles else bodies):
+    bodies = None if problem.collisions and problem.collisions.obstacles else problem.collisions
+    for counting in (bodies,) if met and guess.room > 0.0 else (None, bodies):
         problem.account.check_time()
         optimiser = CurveOptimiser(
             finder.start, target, guess.shape, guess.loops, problem.account.check_time, counting

@@ -54,6 +54,10 @@ ITERATIONS = 60
 INSET = 1e-3
 #: Largest norm of the residual at the end of a plan [m], [rad].
 ARRIVED = 1e-8
+#: How much shorter than those to the least cost the first steps of the solver are.
+STIFF = 4.0
+#: Residual at the end of a curve from which Newton's method is not tried [m], [rad].
+LOST = 0.5
 #: Newton steps to the end of a plan, and of a curve, whose derivatives are those of few steps.
 NEWTON_STEPS, REFINED = 6, 12
 #: Length beyond which `refine` gives up a curve [rad] or [m].
@@ -64,9 +68,8 @@ FAR = 1.0
 NEARBY, TURNS_ROUND = 0.5, -0.8
 #: Samples of which the two bodies nearest to contact count.
 TOGETHER = 4
-#: Distance kept between bodies in the middle, as they may come nearer between the samples [m];
-#: joint motion by which distances are differentiated [rad] or [m].
-ROOM, NUDGE = 0.06, 1e-5
+#: Distance kept between bodies in the middle, as they may come nearer between the samples [m].
+ROOM = 0.06
 #: Bodies that stay farther apart on a guess do not count for the optimiser [m].
 BESIDE = 0.3
 #: Joint motion between the rows of a plan [rad] or [m].
@@ -178,6 +181,11 @@ class CurveOptimiser:
         return [curve, np.vstack((self.start.q, loop))] if self.loops else [curve]
 
     @property
+    def _curve(self) -> int:
+        """Number of unknowns of the curve."""
+        return self.arm.n * (self.shape.count + 1)
+
+    @property
     def _square(self) -> bool:
         """Whether J* is square in the task's rows."""
         return self.arm.task.k == self.arm.n
@@ -190,26 +198,30 @@ class CurveOptimiser:
         return self._last[1]
 
     def _values(self, x: Array) -> _Values:
-        parts = self.parts(x)
-        room, slopes, turns = [], [], []
-        for i, p in enumerate(parts):
-            Q = self.family.points(p)
-            at = self.family.samples(p, Q)
-            turns.append((at.turn, at.dphi))
+        sampled = self._sampled(x)
+        room, slopes = [], []
+        for i, (Q, at) in enumerate(sampled):
             margins = [self._singularity_margins(Q, at), self._limit_margins(Q)]
             if self._collisions is not None and len(self._pairs):
                 margins.append(self._contact_margins(self._collisions, Q))
+            own = slice(0, self._curve) if i == 0 else slice(self._curve, None)
             for gap, slope in margins:
                 wide = np.zeros((len(gap), self.size))
-                if i == 0:
-                    end, wide[:, : p.size] = at, slope
-                else:
-                    wide[:, p.size :] = slope[:, self.arm.n :]  # its end is its start
+                wide[:, own] = slope[:, self.arm.n * i :]  # the end of a loop is its start
                 room.append(gap)
                 slopes.append(wide)
-        T, dphi = self._end_attitude(turns)
-        left, d_left = self._end_constraints(parts[0][0], end, T, dphi)
-        return _Values(left, d_left, np.concatenate(room), np.vstack(slopes))
+        return _Values(*self._end(sampled), np.concatenate(room), np.vstack(slopes))
+
+    def _sampled(self, x: Array) -> list[tuple[Array, Samples]]:
+        """Return the points of the curve, and of the loop if there is one, with their samples."""
+        lines = [(p, self.family.points(p)) for p in self.parts(x)]
+        return [(Q, self.family.samples(p, Q)) for p, Q in lines]
+
+    def _end(self, sampled: list[tuple[Array, Samples]]) -> tuple[Array, Array]:
+        """Return the residual at the end of a motion, and its derivatives."""
+        T, dphi = self._end_attitude([(at.turn, at.dphi) for _, at in sampled])
+        Q, at = sampled[0]
+        return self._end_constraints(Q[-1], at, T, dphi)
 
     def _end_attitude(self, turns: list[tuple[Array, Array]]) -> tuple[Array, Array]:
         """Return the attitude at the end and dphi (3, size), from those of curve and loop."""
@@ -271,7 +283,7 @@ class CurveOptimiser:
     def _contact_margins(self, collisions: Collisions, Q: Array) -> tuple[Array, Array]:
         """Return how far the bodies of the arm stay from contact, and derivatives.
 
-        Least distances less `ROOM`, one for every few samples; by differences.
+        Least distances less `ROOM`, one for every few samples.
         """
         every = np.arange(0, len(Q), 2)
         room = ROOM * np.sin(np.pi * self.family.s)  # the ends are as they are
@@ -279,10 +291,9 @@ class CurveOptimiser:
         for part in np.array_split(every, -(-len(every) // TOGETHER)):
             near = np.array([collisions.gaps(Q[i], self._pairs) - room[i] for i in part])
             worst, number = np.unravel_index(near.argmin(), near.shape)
-            i, pair = part[worst], self._pairs[[number]]
-            moved = [collisions.gaps(q, pair)[0] for q in Q[i] + NUDGE * np.eye(self.arm.n)]
+            i = part[worst]
+            away = collisions.gap_slope(Q[i], int(self._pairs[number]))
             gaps.append(near[worst, number])
-            away = (np.array(moved) - room[i] - near[worst, number]) / NUDGE
             slopes.append(np.outer(self.family.basis[i], away).ravel())
         return np.array(gaps), np.array(slopes)
 
@@ -295,29 +306,51 @@ class CurveOptimiser:
         return np.flatnonzero(least < BESIDE)
 
     def solve(self, x: Array, iterations: int = ITERATIONS) -> Array:
-        """Return the shortest motion near a guess x; it need not keep all constraints."""
+        """Return the shortest motion near a guess x; it need not keep all constraints.
+
+        Raises:
+            NoSolutionError: It ends nowhere near the goal.
+        """
         self._pairs, self._last = self._pairs_near(x), None
         solve: Any = minimize  # its stubs know no exact gradients of constraints
+        scale, to = self._scaled(x)
         result = solve(
-            lambda x: self.cost(x)[0],
-            x,
-            jac=lambda x: self.cost(x)[1],
+            lambda y: self.cost(to @ y)[0] / scale,
+            np.linalg.solve(to, x),
+            jac=lambda y: self.cost(to @ y)[1] @ to / scale,
             method="SLSQP",
             constraints=(
                 {
                     "type": "eq",
-                    "fun": lambda x: self.values(x).end,
-                    "jac": lambda x: self.values(x).d_end,
+                    "fun": lambda y: self.values(to @ y).end,
+                    "jac": lambda y: self.values(to @ y).d_end @ to,
                 },
                 {
                     "type": "ineq",
-                    "fun": lambda x: self.values(x).margins,
-                    "jac": lambda x: self.values(x).d_margins,
+                    "fun": lambda y: self.values(to @ y).margins,
+                    "jac": lambda y: self.values(to @ y).d_margins @ to,
                 },
             ),
             options={"maxiter": iterations, "ftol": 1e-4},
         )
-        return np.asarray(result.x)
+        found = to @ np.asarray(result.x)
+        if (off := np.linalg.norm(self.values(found).end)) > LOST:
+            raise NoSolutionError(f"the end stays {off:.1e} off")
+        return found
+
+    def _scaled(self, x: Array) -> tuple[float, Array]:
+        """Return the cost of a guess x, and what turns unknowns for the solver into x.
+
+        In those the second derivatives of the cost, as a share of that, are the unit matrix over
+        `STIFF`; the solver begins with the unit matrix.
+        """
+        scale = max(self.cost(x)[0], 1.0)
+        curve = block_diag(np.eye(1), self.shape.weights)
+        both = [curve, *([self.loops * self.shape.weights] if self.loops else [])]
+        root = np.linalg.cholesky(
+            np.kron(block_diag(*both), STIFF * 2.0 / scale * np.eye(self.arm.n))
+        )
+        return scale, np.linalg.inv(root.T)
 
     def refine(self, x: Array) -> Walk:
         """Return the rows of a motion, its end made exact by Newton's method.
@@ -337,7 +370,7 @@ class CurveOptimiser:
             left = self.target.missed(self.start, end)
             if np.linalg.norm(left) <= ARRIVED:
                 return walk(self.start, Q)
-            by_corners = self.values(x).d_end @ self._from_corners * free
+            by_corners = self._end(self._sampled(x))[1] @ self._from_corners * free
             x = x - self._from_corners @ np.linalg.lstsq(by_corners, left, rcond=1e-9)[0]
         raise NoSolutionError(f"the end stays {np.linalg.norm(left):.1e} off", walk(self.start, Q))
 

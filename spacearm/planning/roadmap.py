@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.transform import Rotation
 
-from spacearm.arrays import Array, Integers
+from spacearm.arrays import Array, Booleans, Integers
 from spacearm.planning.guesses import LOOPS, Guess, GuessFinder, angles, closed, nearest_turns
 from spacearm.planning.optimiser import Corners
 
@@ -31,8 +31,9 @@ SEARCHES, WIDTHS = 300, (0.6, 1.5, 3.0)
 ENDS, IN_SIGHT, OTHERS = 150, 40, 40
 #: Postures of which the others are taken.
 DRAWN = 400
-#: Shares of a piece at which it is checked for singularities.
-ALONG = np.linspace(0.0, 1.0, 33)[:, None]
+#: Shares of a piece at which it is checked for singularities; of these the first look takes one in
+#: so many.
+ALONG, FIRST_LOOK = np.linspace(0.0, 1.0, 33)[:, None], 4
 #: Shares of a piece at which it is looked at for contacts.
 LOOKED_AT = np.linspace(0.0, 1.0, 9)[1:-1, None]
 #: How often ways are sought anew where bodies meet on some of their pieces.
@@ -85,14 +86,15 @@ class Roadmap:
         self._needed, ends = self._ends()
         self._start, self.q = len(ends), np.vstack((ends, finder.start.q, self._others()))
         self._travel, self._turn = self._joined()
-        self._apart: dict[tuple[int, int], bool] = {}
+        self._found_free: dict[tuple[int, int], bool] = {}
         self._far, self._before, self._turned = self._tree()
 
     def guesses(self) -> Iterator[Guess]:
         """Yield ways that nearly arrive, shortest first.
 
-        Pieces are proven free of contacts between bodies of the arm only where a way needs them, as
-        in Bohlin & Kavraki's lazy roadmaps, IEEE Int. Conf. Robot. Autom. (2000), 521-528.
+        Pieces are looked at closely, and proven free of contacts between bodies of the arm, only
+        where a way needs them, as in Bohlin & Kavraki's lazy roadmaps, IEEE Int. Conf. Robot.
+        Autom. (2000), 521-528.
         """
         if not self._start:
             return
@@ -113,7 +115,7 @@ class Roadmap:
             about = [*self._way(a), *self._way(b)[::-1]] if times else []
             there = [*self._way(by), end]
             pieces = pairwise((self._start, *about, self._start, *there))
-            if all(self._free_of_contacts(*piece) for piece in pieces):
+            if all(self._free(*piece) for piece in pieces):
                 yield self._guess(self.q[about], times, self.q[there])
 
     def _ends(self) -> tuple[Rotation, Array]:
@@ -132,10 +134,10 @@ class Roadmap:
         Q = free.draw(DRAWN, self.finder.rng)
         Q = Q[free.least_distance(Q[:, None]) > least][: 2 * OTHERS]
         apart = Q[[not (bodies and bodies.touch(q)) for q in Q]][:OTHERS]
-        return np.vstack((self.finder.in_sight(4 * IN_SIGHT)[:IN_SIGHT], apart))
+        return np.vstack((self.finder.in_sight(IN_SIGHT), apart))
 
     def _joined(self) -> tuple[Array, Array]:
-        """Join the postures by straight pieces.
+        """Join the postures by straight pieces on which no singularity is met at first look.
 
         Returns:
             (N, N) joint travel from each to each, infinite where a singularity is met, and (N, N,
@@ -143,8 +145,7 @@ class Roadmap:
         """
         finder, q, N = self.finder, self.q, len(self.q)
         a, b = np.triu_indices(N, 1)
-        pieces = q[a][:, None] + ALONG * (q[b] - q[a])[:, None]
-        clear = finder.free.least_distance(pieces) > finder.target.clearance
+        clear = self._regular(a, b, ALONG[::FIRST_LOOK])
         a, b = a[clear], b[clear]
         line = closed(np.zeros((len(a), finder.waves, q.shape[1])))
         line[:, 0] = q[b] - q[a]
@@ -155,7 +156,7 @@ class Roadmap:
         return travel, turns
 
     def _tree(self) -> tuple[Array, Integers, Rotation]:
-        """Find the shortest ways from the start on which bodies of the arm are not seen to meet.
+        """Find the shortest ways from the start on which no singularities nor contacts are seen.
 
         Returns:
             (N,) joint travel to each posture, infinite where there is no way; (N,) the posture
@@ -167,11 +168,15 @@ class Roadmap:
             lengths = np.where(np.isfinite(self._travel), self._travel, 0.0)  # zero for no piece
             far, before = shortest(lengths, indices=start, return_predecessors=True)
             pieces = {(int(before[i]), int(i)) for i in np.flatnonzero(before >= 0)} - seen
-            met = [piece for piece in sorted(pieces) if self._meet(*piece)]
-            for a, b in met:
-                self._travel[a, b] = self._travel[b, a] = np.inf
+            a, b = np.array(sorted(pieces), dtype=np.int64).reshape(-1, 2).T
+            regular = self._regular(a, b)
+            met = ~regular
+            met[regular] = [
+                self._meet(*piece) for piece in zip(a[regular], b[regular], strict=True)
+            ]
+            self._travel[a[met], b[met]] = self._travel[b[met], a[met]] = np.inf
             seen |= pieces
-            if not met:
+            if not met.any():
                 break
         turned = np.tile([0.0, 0.0, 0.0, 1.0], (len(far), 1))
         for i in np.argsort(far)[1 : np.isfinite(far).sum()]:
@@ -224,14 +229,20 @@ class Roadmap:
         """Return the turns of the spacecraft from postures to others."""
         return Rotation.from_quat(self._turn[a, b].reshape(-1, 4))
 
-    def _free_of_contacts(self, a: int, b: int) -> bool:
-        """Tell whether bodies of the arm are proven to meet nowhere on a piece."""
+    def _regular(self, a: Integers, b: Integers, along: Array = ALONG) -> Booleans:
+        """Tell on which pieces from postures to others no singularity is met (m,)."""
+        pieces = self.q[a][:, None] + along * (self.q[b] - self.q[a])[:, None]
+        return self.finder.free.least_distance(pieces) > self.finder.target.clearance
+
+    def _free(self, a: int, b: int) -> bool:
+        """Tell whether no singularity is met on a piece, and bodies of the arm proven nowhere."""
         bodies, piece = self._collisions, (min(a, b), max(a, b))
-        if bodies is None or a == b:
-            return True
-        if piece not in self._apart:
-            self._apart[piece] = not self._meet(a, b) and bodies.contact(self.q[[a, b]]) is None
-        return self._apart[piece]
+        if a != b and piece not in self._found_free:
+            free = bool(self._regular(np.array([a]), np.array([b]))[0])
+            if free and bodies is not None:
+                free = not self._meet(a, b) and bodies.contact(self.q[[a, b]]) is None
+            self._found_free[piece] = free
+        return a == b or self._found_free[piece]
 
     def _meet(self, a: int, b: int) -> bool:
         """Tell whether bodies of the arm meet where they are looked at on a piece."""
