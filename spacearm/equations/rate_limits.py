@@ -26,6 +26,9 @@ NEWTON = 4
 #: Share of `stop` beyond it before which an arm can stop; longest way of the arm in a tick, on
 #: which no posture is lost [rad].
 MARGIN, LONGEST_WAY = 0.02, 0.16
+#: Longest way in a tick beyond that to `stop` [rad]; how much farther than `stop` the arm stays, by
+#: the time of a tick [rad/s]: where the set branches, the nearest branch is found a tick late.
+UNSEEN_WAY, UNSEEN = 0.006, 0.12
 #: Share of `stop` beyond it where rates towards the set end.
 EDGE = 0.04
 #: Share of the rates that leads out within that edge.
@@ -122,7 +125,9 @@ def shares_left(
         turns(xp.maximum(way, 0.0), xp.where(by > 0.0, rate, -rate), xp.absolute(by))
         for way, rate, by in zip(ends(turn), y, turn, strict=True)
     ])  # fmt: skip
-    stopping = at_most(xp, size * dt, LONGEST_WAY)
+    room = extreme(xp.minimum, [one.far for one in known]) - limits.stop
+    longest = xp.minimum(LONGEST_WAY, xp.maximum(room, 0.0) + UNSEEN_WAY)
+    stopping = at_most(xp, size * dt, longest)
     for one in known:
         near = one.far < np.inf
         length = xp.where(near, one.far, 1.0)

@@ -56,6 +56,7 @@ from spacearm.equations.rate_limits import (
     LARGEST,
     LONGEST_WAY,
     TURNING,
+    UNSEEN,
     accelerated,
     at_most,
     extreme,
@@ -343,6 +344,8 @@ def step(
     small = [xp.absolute(x).sum() <= LARGEST for x in (q, quaternion, twist, momentum)]
     real = xp.logical_and(dt > 0.0, dt <= (1.0 + ROUNDING) * limits.longest)
     tick = xp.where(real, dt, memory.dt)
+    more = xp.minimum(UNSEEN * tick, 0.5 * (limits.slow - limits.stop))
+    limits = limits._replace(stop=limits.stop + more)
     began = memory.count >= 0.0
     q = xp.where(small[0], q, before + memory.rates * memory.dt)  # where it is, as far as known
     reach = 2.0 * limits.rate * xp.maximum(tick, memory.dt) + JITTER
