@@ -97,7 +97,12 @@ def compared(code, flights, steps, tick=DT):
         wanted = servo._kernel({"given": given}, servo._numbers)
         halted += (wanted[:, code.tick - 1] > 0.0).sum()
         np.testing.assert_array_equal(found[:, code.tick - 1], wanted[:, code.tick - 1])
-        np.testing.assert_allclose(found[:, :n], wanted[:, :n], rtol=0, atol=1e-9)
+        # the last digit of what is given may count for more: where it is guessed anew or not
+        last = (-1.0) ** np.arange(given.shape[1]) * np.finfo(float).eps
+        other = servo._kernel({"given": given * (1.0 + last)}, servo._numbers)
+        slack = 1e-9 + 8.0 * np.abs(other[:, :n] - wanted[:, :n])
+        assert (np.abs(found[:, :n] - wanted[:, :n]) <= slack).all()
+        assert (slack < 1e-8).mean() > 0.9
         q, memory = q + tick * wanted[:, :n], wanted[:, code.tick :]
     assert halted > 0
     return wanted
