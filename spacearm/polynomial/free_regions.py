@@ -10,7 +10,7 @@ centre c and half widths h
 
     F(x) >= F(c) - |grad F(c)| h - rest,
 
-the rest from the second and third derivatives at c and a bound of the fourth ones everywhere.
+the rest from the derivatives up to some degree at c and a bound of the next ones everywhere.
 Where F bends upwards along a joint, that makes up for some of the slope.
 Given F(c) = 1, the a that make the squares of all these terms least solve a small linear system,
 and so do the a and b for which those of the slopes, or of these and the rest, are least. At the
@@ -28,7 +28,7 @@ Rounding is counted as in `certificate`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations_with_replacement
@@ -57,10 +57,12 @@ AT_THE_END = 1e-12
 VOTE = 0.1
 #: Share of the squared slopes that is added to the small systems, which may be singular.
 RIDGE = 1e-14
+#: Degree of the Taylor polynomial of one polynomial, and of several, where it takes fewer boxes.
+DEGREE, OF_SEVERAL = 3, 4
 
 
 class Monomials(NamedTuple):
-    """The t monomials of degree 1 to 3 of the coordinates that matter, those of degree 1 first.
+    """The t monomials of some degrees of the coordinates that matter, the lowest degree first.
 
     Attributes:
         indices: The coordinates of each, as often as it has them.
@@ -79,9 +81,9 @@ class Monomials(NamedTuple):
     share: Array
 
     @classmethod
-    def of(cls, relevant: Booleans) -> Monomials:
+    def of(cls, relevant: Booleans, degrees: Iterable[int]) -> Monomials:
         """Return those of the relevant (n,) coordinates."""
-        own = [combinations_with_replacement(np.flatnonzero(relevant), d) for d in (1, 2, 3)]
+        own = [combinations_with_replacement(np.flatnonzero(relevant), d) for d in degrees]
         indices = tuple(tuple(map(int, index)) for some in own for index in some)
         powers = np.array([[index.count(j) for j in range(len(relevant))] for index in indices])
         powers = powers.reshape(-1, len(relevant))
@@ -96,10 +98,15 @@ class Monomials(NamedTuple):
             powers / size[:, None],
         )
 
+    @property
+    def degree(self) -> int:
+        """The largest degree."""
+        return len(self.indices[-1]) if self.indices else 0
+
     def at(self, half: Array) -> Array:
         """Return the monomials (m, t) at half widths (m, n)."""
         of_one = half[:, [index[0] for index in self.indices]]
-        for i in (1, 2):
+        for i in range(1, self.degree):
             more = [t for t, index in enumerate(self.indices) if len(index) > i]
             of_one[:, more] *= half[:, [self.indices[t][i] for t in more]]
         return of_one
@@ -120,14 +127,14 @@ class Expansion(NamedTuple):
         monomials: The monomials.
         value: (m, p) values.
         terms: (m, p, t) Taylor coefficients of the monomials.
-        fourth: (m, p, n) bounds of what the fourth derivatives add, by the joint.
+        beyond: (m, p, n) bounds of what the derivatives beyond these add, by the joint.
         noise: (m, p) bounds of the rounding.
     """
 
     monomials: Monomials
     value: Array
     terms: Array
-    fourth: Array
+    beyond: Array
     noise: Array
 
     @property
@@ -138,8 +145,8 @@ class Expansion(NamedTuple):
     @property
     def rest(self) -> Array:
         """(m, p) bounds of what all but the first derivatives add."""
-        beyond = np.abs(self.terms[:, :, self.monomials.linear :]).sum(axis=2)
-        return np.asarray(beyond + self.fourth.sum(axis=2))
+        later = np.abs(self.terms[:, :, self.monomials.linear :]).sum(axis=2)
+        return np.asarray(later + self.beyond.sum(axis=2))
 
     def with_(self, form: Form, half: Array) -> Expansion:
         """Return these functions and a quadratic one in the same boxes, of half widths (m, n)."""
@@ -149,7 +156,7 @@ class Expansion(NamedTuple):
             own,
             np.concatenate((self.value, form.value[:, None]), axis=1),
             np.concatenate((self.terms, terms[:, None]), axis=1),
-            np.pad(self.fourth, ((0, 0), (0, 1), (0, 0))),
+            np.pad(self.beyond, ((0, 0), (0, 1), (0, 0))),
             np.concatenate((self.noise, form.noise[:, None]), axis=1),
         )
 
@@ -175,12 +182,13 @@ class Expansion(NamedTuple):
         """(m, p, n) signs of the first derivatives that have one everywhere in the box; else zeros.
 
         h_j times the derivative in x_j of a monomial is at most the monomial itself, as often as it
-        has x_j; of what the fourth derivatives add, four times.
+        has x_j; of what is beyond, once more than their degree.
         """
         first, later = np.split(self.monomials.powers, [self.monomials.linear])
         slope = self.slope @ first
         less = np.abs(self.terms[:, :, len(first) :]) @ later
-        less += 4.0 * self.fourth + 3.0 * self.noise[:, :, None]
+        degree = self.monomials.degree
+        less += (degree + 1.0) * self.beyond + degree * self.noise[:, :, None]
         return np.where(np.abs(slope) > less * (1.0 + ROUNDING), np.sign(slope), 0.0)
 
     def least(self, a: Array) -> tuple[Array, Array]:
@@ -197,7 +205,7 @@ class Expansion(NamedTuple):
         inner = slope < 2.0 * bow
         lowest = slope**2 / np.where(inner, 4.0 * bow, 1.0)
         amount[:, : own.linear] = np.where(inner, lowest, slope - bow)
-        taken = amount @ own.share + (size[:, None] @ self.fourth)[:, 0]
+        taken = amount @ own.share + (size[:, None] @ self.beyond)[:, 0]
         return (a * self.value - size * self.noise).sum(axis=1) - taken.sum(axis=1), taken
 
 
@@ -289,7 +297,8 @@ class Roots:
 
     @cached_property
     def _monomials(self) -> Monomials:
-        return Monomials.of(self.relevant)
+        degree = DEGREE if self.alone else OF_SEVERAL
+        return Monomials.of(self.relevant, range(1, degree + 1))
 
     @property
     def alone(self) -> bool:
@@ -311,26 +320,27 @@ class Roots:
         return self.unit * [f.polynomial.degrees for f in self.polynomials]
 
     @cached_property
-    def _fourth(self) -> Array:
-        """(p, n, n n n) bounds of the fourth derivatives with respect to x."""
+    def _beyond(self) -> tuple[Monomials, Array]:
+        """The monomials of the first degree beyond, and (p, t) bounds of what each adds."""
         ends = self.origin + self.unit * np.array((self.low, self.high))
-        unit = np.einsum("i,j,k,l->ijkl", self.unit, self.unit, self.unit, self.unit)
-        bounds = np.array([f.derivative_bounds(4, ends) * unit for f in self.polynomials])
-        return bounds.reshape(*bounds.shape[:2], -1)
+        degree = self._monomials.degree + 1
+        own = Monomials.of(self.relevant, [degree])
+        found = [f.bounds_of_derivatives(degree, ends) for f in self.polynomials]
+        bounds = np.array([[some.get(index, 0.0) for index in own.indices] for some in found])
+        return own, bounds * own.factor * own.at(self.unit[None])
 
     def expanded(self, centre: Array, half: Array) -> Expansion:
         """Expand the polynomials in boxes (m, n)."""
-        own, n = self._monomials, half.shape[1]
+        own, (last, bounds) = self._monomials, self._beyond
         at = self.origin + self.unit * centre
         found = derivatives(self.polynomials, at, [(), *own.indices])
-        triples = np.einsum("mi,mj,mk->mijk", half, half, half).reshape(-1, n**3)
         turn = half @ self._turns.T
         return Expansion(
             own,
             found[:, :, 0],
             found[:, :, 1:] * (own.factor * own.at(self.unit * half))[:, None],
-            np.moveaxis(self._fourth @ triples.T, -1, 0) * half[:, None] / 24.0,
-            self._noise * (1.0 + turn + turn**2 / 2.0 + turn**3 / 6.0),
+            (last.at(half)[:, None] * bounds) @ last.share,
+            self._noise * sum(turn**d / math.factorial(d) for d in range(own.degree + 1)),
         )
 
     def tried(self, centre: Array, half: Array, age: Integers, inside: Form | None = None) -> Trial:
@@ -377,11 +387,11 @@ class Roots:
 
     def judged(self, own: Expansion, half: Array, inside: Form | None) -> tuple[Booleans, Array]:
         """Tell as `free` which boxes hold no common root, from the expansions in them."""
-        value, by_joint = np.abs(own.value), np.abs(own.terms) @ own.monomials.share + own.fourth
+        value, by_joint = np.abs(own.value), np.abs(own.terms) @ own.monomials.share + own.beyond
         total = by_joint.sum(axis=2)
         proven = (value - own.noise > total * (1.0 + ROUNDING)).any(axis=1)
         taken = VOTE * (by_joint / np.maximum(total, value)[:, :, None]).sum(axis=1)
-        trials = [(own, own.factors(own.fourth.sum(axis=2) + own.noise))]
+        trials = [(own, own.factors(own.beyond.sum(axis=2) + own.noise))]
         least = np.full(len(half), np.inf)
         if inside is not None:
             both, linear = own.with_(inside, half), own.monomials.linear

@@ -19,7 +19,7 @@ import numpy as np
 
 from spacearm.arrays import Array, Booleans, Integers
 from spacearm.compiler.machine import processors
-from spacearm.polynomial.trig import TrigPolynomial, derivative_bounds
+from spacearm.polynomial.trig import TrigPolynomial, bounds_of_derivatives, derivative_bounds
 from spacearm.polynomial.univariate import orders
 
 #: Largest number of partial sums that an evaluation holds at once.
@@ -193,15 +193,22 @@ class Jets:
 
     def curvature(self, reach: Array) -> Array:
         """Bound the second derivatives, (n, n), wherever |(d - centre) / half| <= reach (n,)."""
-        return self._derivative_bounds(2, reach)
+        return derivative_bounds(self._sizes, self._weights(2, reach), 2)
 
     def derivative_bounds(self, order: int, Q: Array) -> Array:
         """Bound the derivatives of an order, (n, ..., n), in the box between positions Q (2, n)."""
-        return self._derivative_bounds(
-            order, np.abs((Q - self.chart.centre) / self.chart.half).max(axis=0)
-        )
+        return derivative_bounds(self._sizes, self._weights(order, self._reach(Q)), order)
 
-    def _derivative_bounds(self, order: int, reach: Array) -> Array:
+    def bounds_of_derivatives(self, order: int, Q: Array) -> dict[tuple[int, ...], Array]:
+        """Bound them there by the coordinates of each, in ascending order; no others than zero."""
+        return bounds_of_derivatives(self._sizes, self._weights(order, self._reach(Q)), order)
+
+    def _reach(self, Q: Array) -> Array:
+        """Return the largest |(d - centre) / half| (n,) between positions Q (2, n)."""
+        return np.asarray(np.abs((Q - self.chart.centre) / self.chart.half).max(axis=0))
+
+    def _weights(self, order: int, reach: Array) -> list[Array]:
+        """Bound the waves of each coordinate and their derivatives, (size, order + 1)."""
         powers, weights = np.arange(order + 1.0), []
         for j, d in enumerate(self.polynomial.degrees):
             k = np.abs(orders(d)).astype(int)
@@ -210,7 +217,7 @@ class Jets:
                 weights.append((T / self.chart.half[j] ** powers)[k])
             else:
                 weights.append(k[:, None] ** powers)
-        return derivative_bounds(self._sizes, weights, order)
+        return weights
 
     def bound(self, reach: Array, half_step: Array, rho: float) -> float:
         """Bound the values along a segment, its variable in the Bernstein ellipse rho.

@@ -436,16 +436,24 @@ def derivative_bounds(sizes: Array, weights: Sequence[Array], order: int) -> Arr
             derivatives up to the order.
         order: Of the derivatives.
     """
+    bounds = np.zeros((len(weights),) * order)
+    for of, value in bounds_of_derivatives(sizes, weights, order).items():
+        for index in set(permutations(of)):
+            bounds[index] = value
+    return bounds
+
+
+def bounds_of_derivatives(
+    sizes: Array, weights: Sequence[Array], order: int
+) -> dict[tuple[int, ...], Array]:
+    """Return the same by the coordinates of each derivative, in ascending order."""
     sums: dict[tuple[int, ...], Array] = {(): sizes}
     with np.errstate(over="ignore"):
         for j in reversed(range(len(weights))):  # the axes that are left come first
+            most = order + 1 if weights[j][1:].any() else 1
             sums = {
                 (*(j,) * e, *of): values @ weights[j][:, e]
                 for of, values in sums.items()
-                for e in range(order + 1 - len(of))
+                for e in range(min(most, order + 1 - len(of)))
             }
-    bounds = np.zeros((len(weights),) * order)
-    for of, value in sums.items():
-        for index in set(permutations(of)) if len(of) == order else ():
-            bounds[index] = value
-    return bounds
+    return {of: value for of, value in sums.items() if len(of) == order}
