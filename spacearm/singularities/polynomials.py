@@ -258,6 +258,8 @@ PROBES = 256
 HIGHEST = 12
 #: Share of the largest minor below which one vanishes everywhere.
 ABSENT = 1e-11
+#: How many times the fewest coefficients those of a few minors may have.
+LARGER = 4
 #: Largest number of maximal minors.
 MOST_MINORS = 500
 #: Largest number of coefficients of minors that are used together.
@@ -337,13 +339,27 @@ class Minors:
 
     @cached_property
     def few(self) -> list[Jets]:
-        """Minors that have all columns but one in common, those with the fewest coefficients.
+        """Minors that have all columns B but one in common.
 
-        Where one is not zero the arm is regular; where all are zero it need not be singular.
+        Where one is not zero the arm is regular; where all are zero it need not be singular: B is
+        dependent there. Of the choices with few coefficients the one is taken whose B is farthest
+        from that, in the median of random configurations.
         """
         bases = combinations(range(self.arm.n), self.arm.task.k - 1)
-        choices = [own for own in map(self._minors_with, bases) if len(own) >= self.codimension]
-        return self._together(min(choices, key=self._size), MOST_COEFFICIENTS) if choices else []
+        own = {B: some for B in bases if len(some := self._minors_with(B)) >= self.codimension}
+        if not own:
+            return []
+        least = min(map(self._size, own.values()))
+        most = max(least, min(LARGER * least, MOST_COEFFICIENTS))
+        drawn = self.chart.draw(np.random.default_rng(0), PROBES)
+        J = np.array([task_jacobian(self.arm.at(q), mode=self.mode) for q in drawn])
+
+        def spread(B: Columns) -> float:
+            columns = J[:, :, list(B)]
+            return float(np.median(np.linalg.det(columns.swapaxes(1, 2) @ columns)))
+
+        best = max((B for B in own if self._size(own[B]) <= most), key=spread)
+        return self._together(own[best], MOST_COEFFICIENTS)
 
     def _together(self, columns: list[Columns], most: int) -> list[Jets]:
         """Return several minors.

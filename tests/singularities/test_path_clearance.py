@@ -107,3 +107,11 @@ def test_progress_of_a_clearance_never_falls():
     assert told == sorted(told)
     assert any(2 * done >= of for done, of in told)
     assert {of for _, of in told} == {1000}
+
+
+@pytest.mark.slow
+def test_a_few_minors_have_columns_in_common_that_are_seldom_dependent():
+    """Joint 7 of chaser7 hardly moves the tip: minors with its column prove little."""
+    arm, rng = sa.load("chaser7", task="position"), np.random.default_rng(5)
+    for way in rng.uniform(*np.clip((arm.lower, arm.upper), -np.pi, np.pi), (3, 2, arm.n)):
+        assert sa.singular_set(arm).is_free(way, clearance=np.radians(0.1))
