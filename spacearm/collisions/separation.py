@@ -8,7 +8,7 @@ move them. coal has that for two bodies on given paths, not for the bodies of a 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -260,15 +260,25 @@ class Collisions:
         Returns:
             (own pairs, n) the bounds.
         """
-        arm = self.arm
-        out = np.abs([arm.all_joints(q) for q in path]).max(axis=0)
-        gains = np.zeros((self._own, arm.model.nv - 6))
-        for gain, (i, j) in zip(gains, self._pairs, strict=False):
+        arm, (gains, longer) = self.arm, self._levers
+        if longer:
+            gains, out = gains.copy(), np.abs([arm.all_joints(q) for q in path]).max(axis=0)
+            for pair, joint, slides in longer:
+                gains[pair, joint] += out[slides].sum()
+        return gains if arm.coupling is None else gains @ np.abs(arm.coupling)
+
+    @cached_property
+    def _levers(self) -> tuple[Array, list[tuple[int, int, list[int]]]]:
+        """The same without the displacements, and which slides add to that of a pair and joint."""
+        gains, longer = np.zeros((self._own, self.arm.model.nv - 6)), []
+        for pair, (i, j) in enumerate(self._pairs[: self._own]):
             a, b = self.bodies[i], self.bodies[j]
             for body, other in ((a, b), (b, a)):
                 for joint in body.reach.keys() - other.reach.keys():
-                    gain[joint - 2] = body.reach[joint] + out[body.slides[joint]].sum()
-        return gains if arm.coupling is None else gains @ np.abs(arm.coupling)
+                    gains[pair, joint - 2] = body.reach[joint]
+                    if slides := body.slides[joint]:
+                        longer.append((pair, joint - 2, slides))
+        return gains, longer
 
 
 def _account(own: str, obstacles: Sequence[Obstacle]) -> str:

@@ -85,6 +85,11 @@ class Walk(Sequence[Configuration]):
     def __len__(self) -> int:
         return len(self.q)
 
+    @property
+    def bases(self) -> Array:
+        """(m, 7) poses of the spacecraft, as of `bases`."""
+        return bases(self._known[0], self.q, self._T)
+
     @overload
     def __getitem__(self, i: int) -> Configuration: ...
 
@@ -121,6 +126,20 @@ def placed(start: Configuration, q: Array, T: Array) -> Configuration:
     """Return the configuration at q (n,) and attitude T (3, 3) with the system CM of `start`."""
     attitude = pin.Quaternion(T).normalized().matrix()  # without the rounding of many products
     return kinematics(start.arm, q.copy(), pin.SE3(attitude, np.zeros(3)), start.com)
+
+
+def bases(start: Configuration, Q: Array, T: Array) -> Array:
+    """Return poses [position [m], quaternion] (m, 7) of the spacecraft in `placed`, at m rows."""
+    arm, model = start.arm, start.arm.model
+    data, full = arm.borrow(), np.zeros(model.nq)
+    found = np.empty((len(Q), 7))
+    for pose, q, attitude in zip(found, Q, T, strict=True):
+        full[3:7] = pin.Quaternion(attitude).normalized().coeffs()
+        full[7:] = arm.all_joints(q)
+        pose[:3] = start.com - pin.centerOfMass(model, data, full, False)
+        pose[3:] = full[3:7]
+    arm.give_back(data)
+    return found
 
 
 def _at_rest(cfg: Configuration) -> None:

@@ -18,6 +18,7 @@ from spacearm.errors import ConfigurationError, listed
 from spacearm.files import arrays_in
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import momentum_and_torque
+from spacearm.mechanics.floating import Walk
 from spacearm.mechanics.jacobian import momentum_matrix, singular_values
 from spacearm.model.arguments import FLOATING, BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
@@ -498,6 +499,8 @@ def carried_along(cfg: Configuration, rows: int) -> dict[str, Any]:
 
 def samples(cfgs: Sequence[Configuration]) -> dict[str, Any]:
     """Return q (m, n) and base (m, 7) of configurations, as `Motion` has them."""
+    if isinstance(cfgs, Walk):
+        return {"q": cfgs.q.copy(), "base": cfgs.bases}
     base = [pin.SE3ToXYZQUAT(cfg.base) for cfg in cfgs]
     return {"q": np.array([cfg.q for cfg in cfgs]), "base": np.array(base)}
 

@@ -35,6 +35,7 @@ from spacearm.planning.request import Joints, PlanRequest
 from spacearm.planning.result import IGNORED, Attempt, Plan, best_attempt
 from spacearm.planning.timing import rest_to_rest_times
 from spacearm.singularities.nearest import NearestSearch, angle, nearest_locally
+from spacearm.singularities.polynomials import proving_minors
 from spacearm.singularities.report import NO_INVERSE, TOLERANCE
 from spacearm.singularities.sets import prove_regular, prove_way
 from spacearm.singularities.sides import dividable, on_the_other_side, parted
@@ -116,26 +117,30 @@ class Problem:
             )
             if q is not None:
                 _check_joints(cfg, q, target)
-            problem = cls(request, target, ample, bodies_apart(request, target))
-            problem._check_side()
+            return cls(request, target, ample, bodies_apart(request, target))
         except NoSolutionError as error:
             raise type(error)(str(error), best_attempt(cfg, error.best)) from None
-        return problem
 
-    def _check_side(self) -> None:
+    def require_side(self) -> None:
         """Raise an ImpossibleError if the goal is proven to be on the other side of the set."""
+        if self._apart:
+            alone = best_attempt(self.start, None)
+            raise ImpossibleError(f"impossible, proven: {self._apart}", alone)
+
+    @cached_property
+    def _apart(self) -> str:
+        """Why the goal is on the other side of the singular set; empty if that is not proven."""
         tip, target = self.target.tip, self.target
         if tip is None or self.request.held or not dividable(self.start.arm):
-            return
+            return ""
         account = SearchAccount(SIDE_TIME)
         finder = GuessFinder(self.start, target, WAVES, np.random.default_rng(0), account)
         with suppress(TimeUpError):
             finder.ends(np.pi, SIDE_SEARCHES)
         found = account.postures
-        if found["reached"] == found["side"] + found["limits"] and (
-            apart := on_the_other_side(self.start, tip, finder.axes, target.lower, target.upper)
-        ):
-            raise ImpossibleError(f"impossible, proven: {apart}")
+        if found["reached"] != found["side"] + found["limits"]:
+            return ""
+        return on_the_other_side(self.start, tip, finder.axes, target.lower, target.upper) or ""
 
     @property
     def start(self) -> Configuration:
@@ -218,6 +223,18 @@ class Problem:
         J = np.array([task_jacobian(cfg) for cfg in rows])
         sign = np.sign(np.linalg.det(J)) if arm.n == arm.task.k else np.ones(len(q))
         return sign[0] * sign * np.array([distance_at(cfg, FLOATING) for cfg in rows])
+
+    def check_bent(self, found: Plan) -> None:
+        """Check what `arrived` does not prove of a plan whose rows have passed `check`, but bent.
+
+        Raises:
+            NoSolutionError: It does not keep all constraints.
+        """
+        with suppress(UnsupportedError):
+            if proving_minors(*self._proven):
+                self._check_turn(found)
+                return
+        self.check(found)
 
     def _check_turn(self, rows: Rows | Plan) -> None:
         """Raise a NoSolutionError if the spacecraft turns too far."""

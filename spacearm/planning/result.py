@@ -16,7 +16,7 @@ from spacearm.collisions.bodies import but_for, left_out
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.swept_motion import Floating, Flown, SweptMotion
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.floating import placed
+from spacearm.mechanics.floating import bases, placed
 from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import AT_REST, Configuration, SpaceArm
 from spacearm.motion.motion import AnyMotion, Drifting, samples
@@ -349,8 +349,7 @@ def landed(
         rows, attitudes = plan._flown.landed(wanted)
     except NoSolutionError as error:
         raise NoSolutionError(str(error), [*plan]) from None
-    pairs = zip(rows.q, attitudes, strict=True)
-    base = samples([placed(start, q, T) for q, T in pairs])["base"]
+    base = bases(start, rows.q, attitudes)
     base[:, :3] += np.outer(plan.t, h / plan.arm.mass)
     return replace(plan, q=rows.q, base=base)
 

@@ -59,6 +59,8 @@ VOTE = 0.1
 RIDGE = 1e-14
 #: Degree of the Taylor polynomial of one polynomial, and of several, where it takes fewer boxes.
 DEGREE, OF_SEVERAL = 3, 4
+#: The same where all boxes are so small that no wave turns by more than this in them [rad].
+OF_SMALL, SMALL_TURN = 2, 0.5
 
 
 class Monomials(NamedTuple):
@@ -295,11 +297,6 @@ class Roots:
         """(n,) which positions the polynomials depend on."""
         return np.any([f.polynomial.degrees for f in self.polynomials], axis=0)
 
-    @cached_property
-    def _monomials(self) -> Monomials:
-        degree = DEGREE if self.alone else OF_SEVERAL
-        return Monomials.of(self.relevant, range(1, degree + 1))
-
     @property
     def alone(self) -> bool:
         """Whether there is one polynomial, which changes its sign at its roots."""
@@ -320,21 +317,29 @@ class Roots:
         return self.unit * [f.polynomial.degrees for f in self.polynomials]
 
     @cached_property
-    def _beyond(self) -> tuple[Monomials, Array]:
-        """The monomials of the first degree beyond, and (p, t) bounds of what each adds."""
-        ends = self.origin + self.unit * np.array((self.low, self.high))
-        degree = self._monomials.degree + 1
-        own = Monomials.of(self.relevant, [degree])
-        found = [f.bounds_of_derivatives(degree, ends) for f in self.polynomials]
-        bounds = np.array([[some.get(index, 0.0) for index in own.indices] for some in found])
-        return own, bounds * own.factor * own.at(self.unit[None])
+    def _taylor(self) -> dict[int, tuple[Monomials, Monomials, Array]]:
+        """What `_taylor_of` has returned."""
+        return {}
+
+    def _taylor_of(self, degree: int) -> tuple[Monomials, Monomials, Array]:
+        """Return the monomials up to a degree, those of the next, and (p, t) bounds of these."""
+        if degree not in self._taylor:
+            ends = self.origin + self.unit * np.array((self.low, self.high))
+            own = Monomials.of(self.relevant, range(1, degree + 1))
+            last = Monomials.of(self.relevant, [degree + 1])
+            found = [f.bounds_of_derivatives(degree + 1, ends) for f in self.polynomials]
+            bounds = np.array([[some.get(index, 0.0) for index in last.indices] for some in found])
+            self._taylor[degree] = own, last, bounds * last.factor * last.at(self.unit[None])
+        return self._taylor[degree]
 
     def expanded(self, centre: Array, half: Array) -> Expansion:
         """Expand the polynomials in boxes (m, n)."""
-        own, (last, bounds) = self._monomials, self._beyond
+        turn = half @ self._turns.T
+        small = turn.max(initial=0.0) <= SMALL_TURN
+        degree = OF_SMALL if small else DEGREE if self.alone else OF_SEVERAL
+        own, last, bounds = self._taylor_of(degree)
         at = self.origin + self.unit * centre
         found = derivatives(self.polynomials, at, [(), *own.indices])
-        turn = half @ self._turns.T
         return Expansion(
             own,
             found[:, :, 0],

@@ -19,7 +19,12 @@ import numpy as np
 
 from spacearm.arrays import Array, Booleans, Integers
 from spacearm.compiler.machine import processors
-from spacearm.polynomial.trig import TrigPolynomial, bounds_of_derivatives, derivative_bounds
+from spacearm.polynomial.trig import (
+    TrigPolynomial,
+    as_tensor,
+    bounds_of_derivatives,
+    derivative_bounds,
+)
 from spacearm.polynomial.univariate import orders
 
 #: Largest number of partial sums that an evaluation holds at once.
@@ -193,15 +198,29 @@ class Jets:
 
     def curvature(self, reach: Array) -> Array:
         """Bound the second derivatives, (n, n), wherever |(d - centre) / half| <= reach (n,)."""
-        return derivative_bounds(self._sizes, self._weights(2, reach), 2)
+        return as_tensor(self._bounds(2, reach), self.polynomial.n, 2)
 
     def derivative_bounds(self, order: int, Q: Array) -> Array:
         """Bound the derivatives of an order, (n, ..., n), in the box between positions Q (2, n)."""
-        return derivative_bounds(self._sizes, self._weights(order, self._reach(Q)), order)
+        return as_tensor(self.bounds_of_derivatives(order, Q), self.polynomial.n, order)
 
     def bounds_of_derivatives(self, order: int, Q: Array) -> dict[tuple[int, ...], Array]:
         """Bound them there by the coordinates of each, in ascending order; no others than zero."""
-        return bounds_of_derivatives(self._sizes, self._weights(order, self._reach(Q)), order)
+        return self._bounds(order, self._reach(Q))
+
+    def _bounds(self, order: int, reach: Array) -> dict[tuple[int, ...], Array]:
+        """Bound derivatives by their coordinates; those with respect to angles anywhere, once."""
+        if order not in self._anywhere:
+            found = bounds_of_derivatives(self._sizes, self._weights(order, reach), order)
+            if self.chart.slides.any():
+                return found
+            self._anywhere[order] = found
+        return self._anywhere[order]
+
+    @cached_property
+    def _anywhere(self) -> dict[int, dict[tuple[int, ...], Array]]:
+        """Bounds of the derivatives of each order that was asked for."""
+        return {}
 
     def _reach(self, Q: Array) -> Array:
         """Return the largest |(d - centre) / half| (n,) between positions Q (2, n)."""

@@ -436,11 +436,16 @@ def derivative_bounds(sizes: Array, weights: Sequence[Array], order: int) -> Arr
             derivatives up to the order.
         order: Of the derivatives.
     """
-    bounds = np.zeros((len(weights),) * order)
-    for of, value in bounds_of_derivatives(sizes, weights, order).items():
+    return as_tensor(bounds_of_derivatives(sizes, weights, order), len(weights), order)
+
+
+def as_tensor(bounds: Mapping[tuple[int, ...], Array], n: int, order: int) -> Array:
+    """Return bounds by the coordinates of each derivative as (n, ..., n)."""
+    tensor = np.zeros((n,) * order)
+    for of, value in bounds.items():
         for index in set(permutations(of)):
-            bounds[index] = value
-    return bounds
+            tensor[index] = value
+    return tensor
 
 
 def bounds_of_derivatives(

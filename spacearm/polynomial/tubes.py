@@ -121,8 +121,10 @@ class Tubes:
             slack: How far from the curve a chord of several pieces may be.
         """
         ends, first = [0], 0
+        pairs = np.concatenate((points[:-1], points[1:]), axis=1)
+        joined = np.append(deviations(pairs) <= slack, False)
         while first < len(points):
-            last, stride = first + 1, 1
+            last, stride = first + 1, int(joined[first])
             while stride:  # as many pieces as one chord does for, by doubling and halving
                 tried = min(last + stride, len(points))
                 held = points[first:tried]
@@ -134,8 +136,10 @@ class Tubes:
             first = last
         start = points[ends[:-1], 0]
         step = points[[end - 1 for end in ends[1:]], -1] - start
-        pieces = [points[a:b] for a, b in pairwise(ends)]
-        off = np.array([to_chord(held, held[0, 0], held[-1, -1]).max() for held in pieces])
+        off = deviations(points)[ends[:-1]]
+        for i, (a, b) in enumerate(pairwise(ends)):
+            if b > a + 1:
+                off[i] = to_chord(points[a:b], points[a, 0], points[b - 1, -1]).max()
         off = np.where(off > 0.0, off * (1.0 + ROUNDING) + 8.0 * EPS * np.abs(points).max(), 0.0)
         return cls(start, step, off, radius)
 

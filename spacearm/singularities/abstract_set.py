@@ -193,10 +193,12 @@ def path_rows(arm: SpaceArm, path: Path) -> Array:
         ConfigurationError: There is no row, or a row is not a configuration.
     """
     given = np.atleast_2d(numbers_of(getattr(path, "q", path), "path"))
-    rows = np.array([joint_vector(arm, q, "path") for q in given])
-    if not len(rows):
+    if not len(given):
         raise ConfigurationError("path has no rows; give at least one configuration")
-    return rows
+    if given.shape[1:] != (arm.n,) or not (np.abs(given) <= LARGEST).all():
+        for q in given:
+            joint_vector(arm, q, "path")  # says what is wrong with it
+    return given
 
 
 def _within(arm: SpaceArm, path: Array) -> list[tuple[int, Array]]:

@@ -58,6 +58,7 @@ def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]
 
     Raises:
         ConfigurationError: Another method is asked for.
+        ImpossibleError: None can, proven.
         NoSolutionError: None does; carries the best attempt.
         StoppedError: Ctrl-C; carries the best attempt.
     """
@@ -65,12 +66,16 @@ def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]
     require_known("method", asked, ("auto", *methods))
     attempts = Attempts(account)
     for name in attempts.each(_in_rounds(methods, asked, account)):
+        if name != "straight":  # a line that arrives shows that there is a way
+            problem.require_side()
         with attempts.at(name):
             found = problem.plan(name, methods[name](problem), problem.request)
             wanted = problem.target.attitude if problem.target.tip is None else None
             found = paced(landed(found, wanted), problem.rates)
-            problem.check(found)
+            problem.check_bent(found)
             return problem.arrived(found, attempts.stories)
+    if not account.ended:
+        problem.require_side()
     rounds = f"{account.rounds + 1} rounds" if account.rounds else "1 round"
     parts = (f"no plan found in {account.elapsed:.1f} s, {rounds}", account.verdict, attempts.told)
     raise account.failure(

@@ -80,6 +80,7 @@ class Detumbling:
         name, duration = self.start.arm.name, self.request.duration
         alone = best_attempt(self.start, None)
         still = Problem.of(self.request.at_rest())  # refuses what nothing can solve
+        still.require_side()
         try:
             least = least_time(self.wheels, self.start.momentum[3:], still.target.attitude)
         except NoSolutionError as error:

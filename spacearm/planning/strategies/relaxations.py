@@ -95,6 +95,7 @@ def _postures(request: PlanRequest, goal: Joints) -> list[PlanRequest]:
     to_pose = replace(request, goal=there.centred(start.com).tip, final_attitude=None)
     try:
         problem = Problem.of(to_pose)
+        problem.require_side()
         target = problem.target._replace(attitude=start.base.rotation)
         _, Q = problem.guesses(start, target).ends(0.0, SEARCHES)
     except (NoSolutionError, TimeUpError):
