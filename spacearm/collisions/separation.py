@@ -199,11 +199,11 @@ class Collisions:
         pairs = np.arange(len(self._pairs) if motion is way else self._own)
         if not len(pairs):
             return None
-        travel = self._travel(motion)
-        waiting = [(0.0, len(motion) - 1.0, pairs)]
+        way = self._travel(motion).T
+        waiting = [(0.0, len(motion) - 1.0, way[0], way[-1], pairs)]
         while waiting:
             check_time()
-            low, high, pairs = waiting.pop()
+            low, high, before, after, pairs = waiting.pop()
             u = 0.5 * (low + high)
             full = motion.full(u)
             distance = self._distances(full[7:], full[:7], motion.time(u), pairs)
@@ -215,15 +215,12 @@ class Collisions:
                     motion.joints(u), self.links(pair), motion.time(u), float(distance[worst]),
                     float(self._margins[pair]),
                 )  # fmt: skip
-            way_there = travel[pairs]
-            here = interpolated(way_there.T, u)
-            half = np.maximum(
-                here - interpolated(way_there.T, low), interpolated(way_there.T, high) - here
-            )
+            here = interpolated(way, u)
+            half = np.maximum(here - before, after - here)[pairs]
             half += self._approach(motion, pairs, low, high)
-            open_ones = pairs[short <= half]
-            if len(open_ones):
-                waiting += [(u, high, open_ones), (low, u, open_ones)]
+            left = pairs[short <= half]
+            if len(left):
+                waiting += [(u, high, here, after, left), (low, u, before, here, left)]
         return None
 
     def _approach(self, motion: SweptMotion, pairs: Integers, low: float, high: float) -> Array:

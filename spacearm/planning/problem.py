@@ -140,7 +140,7 @@ class Problem:
         found = account.postures
         if found["reached"] != found["side"] + found["limits"]:
             return ""
-        return on_the_other_side(self.start, tip, finder.axes, target.lower, target.upper) or ""
+        return on_the_other_side(self.start, tip, finder.axes, target.lower, target.upper)
 
     @property
     def start(self) -> Configuration:

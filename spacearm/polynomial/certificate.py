@@ -22,7 +22,7 @@ import numpy as np
 import scipy
 
 from spacearm.arrays import Array, Integers
-from spacearm.polynomial.jets import Jets
+from spacearm.polynomial.jets import Jets, stacked
 from spacearm.polynomial.trig import EPS
 from spacearm.results import Cell, Description, Measure, Result, Table
 
@@ -300,7 +300,7 @@ class _Path:
             values = np.array([line(self.row[i], 2.0 * (s - i) - 1.0) for line in self.lines])
         else:
             Q = self.point(s)
-            values = np.array([S(Q).value for S in self.polynomials])
+            values = stacked(self.polynomials, Q).value.T
         largest = (np.abs(values) / self.scale[:, None]).max(axis=0)
         self.margin = min(self.margin, float(largest.min()))
         return values

@@ -52,6 +52,9 @@ def test_a_walk_is_one_motion_after_another(cfg):
     n, rng = cfg.arm.n, np.random.default_rng(2)
     Q = cfg.q + np.vstack((np.zeros(n), np.cumsum(rng.normal(size=(4, n)) / 5, axis=0)))
     rows = reaction.walk(cfg, Q)
+    for pose, row in zip(rows.bases, rows, strict=True):
+        at = pin.XYZQUATToSE3(pose)
+        np.testing.assert_allclose(at.homogeneous, row.base.homogeneous, atol=1e-12)
     for q, row in zip(Q[1:], rows[1:], strict=True):
         cfg = reaction.move(cfg, q)
         np.testing.assert_array_equal(row.q, q)

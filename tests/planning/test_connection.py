@@ -192,6 +192,13 @@ def test_a_plan_to_the_other_side_is_impossible_whatever_the_attitude_and_says_w
     goal = end.centred(start.com).tip
     with pytest.raises(sa.ImpossibleError, match="whatever the attitude") as caught:
         sa.plan(start, goal, constraints=sa.Constraints(collisions=False))
+    with pytest.raises(sa.ImpossibleError, match="whatever the attitude"):  # no line arrives either
+        sa.plan(
+            start,
+            goal,
+            constraints=sa.Constraints(collisions=False),
+            search=sa.Search(method="straight"),
+        )
     free = sa.Constraints(collisions=False, limits=False)
     if "tried, and works: limits=False" in str(caught.value):
         assert sa.plan(start, goal, constraints=free).certificate.free
