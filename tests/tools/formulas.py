@@ -435,7 +435,7 @@ MUTANTS = [
     ),
     Mutant(
         "bound of the curvature", "polynomial/trig.py",
-        "bounds[index] = value", "bounds[index] = value / 16.0",
+        "tensor[index] = value", "tensor[index] = value / 16.0",
         "polynomial/test_trig singularities/test_sets",
     ),
     # --- dynamics and control ---------------------------------------------------------------
