@@ -337,14 +337,22 @@ class Minors:
         sizes = np.cumsum([self._size([C]) for C in own])
         return self._together(own[: max(2, int((sizes <= MOST_COEFFICIENTS).sum()))], MOST_OF_TWO)
 
-    @cached_property
+    @property
     def few(self) -> list[Jets]:
         """Minors that have all columns B but one in common.
 
         Where one is not zero the arm is regular; where all are zero it need not be singular: B is
         dependent there. Of the choices with few coefficients the one is taken whose B is farthest
         from that, in the median of random configurations.
+
+        Raises:
+            UnsupportedError: They have too many coefficients.
         """
+        return self._together(self._few, MOST_COEFFICIENTS)
+
+    @cached_property
+    def _few(self) -> list[Columns]:
+        """The columns of `few`."""
         bases = combinations(range(self.arm.n), self.arm.task.k - 1)
         own = {B: some for B in bases if len(some := self._minors_with(B)) >= self.codimension}
         if not own:
@@ -358,8 +366,7 @@ class Minors:
             columns = J[:, :, list(B)]
             return float(np.median(np.linalg.det(columns.swapaxes(1, 2) @ columns)))
 
-        best = max((B for B in own if self._size(own[B]) <= most), key=spread)
-        return self._together(own[best], MOST_COEFFICIENTS)
+        return own[max((B for B in own if self._size(own[B]) <= most), key=spread)]
 
     def _together(self, columns: list[Columns], most: int) -> list[Jets]:
         """Return several minors.

@@ -22,11 +22,13 @@ from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle
+from spacearm.polynomial.tubes import straight
 from spacearm.signatures import checked
 from spacearm.singularities import polynomials
-from spacearm.singularities.abstract_set import SingularSet, prove_clear, prove_free
+from spacearm.singularities.abstract_set import SingularSet, path_rows, prove_clear, prove_free
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.nearest import NearestSingular, lose_rank, nearest_singular
+from spacearm.singularities.regularity import has_momenta, prove_by_momenta
 
 #: Starts after which a search ends, and how many more each one found is worth.
 FRUITLESS, EACH = 100, 20
@@ -161,14 +163,19 @@ def prove_regular(
         UnsupportedError: The arm can never do its task.
     """
     require_possible(arm, mode)
+    redundant = arm.n > arm.task.k and polynomials.has_minors(arm)
     with suppress(UnsupportedError):
-        if arm.n > arm.task.k and polynomials.has_minors(arm):
+        if redundant:
             minors = polynomials.minors_of(arm, mode)
             if minors.few:
                 proof = prove_free(arm, mode, minors.few, q, limits=False, progress=progress)
                 if proof.free:
                     return proof
             return prove_free(arm, mode, minors.every(), q, limits=False, progress=progress)
+    if redundant and has_momenta(arm, mode):  # these cost less than minors so large
+        proof = prove_by_momenta(arm, straight(path_rows(arm, q)), progress)
+        if proof.free:
+            return proof
     with suppress(UnsupportedError):
         return singular_set(arm, mode=mode).clearance(q, progress=progress)
     return None
