@@ -222,13 +222,12 @@ def _by_loops(
 
 
 def _loop_places(problem: Problem, target: Target) -> Iterator[Rows]:
-    """Yield the motions, free of contacts, to where loops are tried: the start alone first."""
+    """Yield the motions to where loops are tried, that keep all constraints: the start first."""
     yield [problem.start]
     left = PLACES if problem.account.rounds else FIRST_PLACES
     for place in problem.guesses(problem.start, target).loop_places():
-        there = problem.walk(problem.start, straight_rows(problem.start.q, place))
-        if problem.contact(problem.start, joints_of(there)) is None:
-            yield there
+        with suppress(NoSolutionError):
+            yield problem.check(problem.walk(problem.start, straight_rows(problem.start.q, place)))
             left -= 1
         if not left:
             return

@@ -9,7 +9,10 @@ import pytest
 
 import spacearm as sa
 from spacearm.planning.account import SearchAccount, TimeUpError
-from spacearm.planning.methods import METHODS
+from spacearm.planning.guesses import GuessFinder
+from spacearm.planning.methods import METHODS, _loop_places
+from spacearm.planning.problem import Problem
+from spacearm.planning.request import Constraints, PlanRequest, Search
 from spacearm.planning.strategies.at_rest import _in_rounds
 
 
@@ -40,6 +43,18 @@ def test_a_tree_comes_before_loops_where_contacts_stop_most_ways(ways, first):
             break
     assert tried[tried.index("joint space") + 1] == first
     assert sorted(tried[: len(METHODS)]) == sorted(METHODS)
+
+
+def test_loops_are_tried_nowhere_beyond_a_singularity(monkeypatch):
+    arm = sa.load("planar2", task="x y")
+    request = PlanRequest.of(
+        arm.at([0.3, 1.2]), (0.9, 1.4), "spacecraft", Constraints(), Search(), (), None, None
+    )
+    problem = Problem.of(request)
+    places = np.array([[0.3, -1.2], [0.5, 1.0]])
+    monkeypatch.setattr(GuessFinder, "loop_places", lambda _: places)
+    there = [rows[-1].q.tolist() for rows in _loop_places(problem, problem.target)]
+    assert there == [[0.3, 1.2], [0.5, 1.0]]
 
 
 @pytest.mark.parametrize(
