@@ -32,12 +32,15 @@ ENDS, IN_SIGHT, OTHERS = 150, 40, 40
 #: Postures of which the others are taken.
 DRAWN = 400
 #: Shares of a piece at which it is checked for singularities; of these the first look takes one in
-#: so many.
+#: so many; and those of the last look.
 ALONG, FIRST_LOOK = np.linspace(0.0, 1.0, 33)[:, None], 4
+CLOSELY = np.linspace(0.0, 1.0, 129)[:, None]
 #: Shares of a piece at which it is looked at for contacts.
 LOOKED_AT = np.linspace(0.0, 1.0, 9)[1:-1, None]
 #: How often ways are sought anew where bodies meet on some of their pieces.
 GROWN = 10
+#: How often guesses are, where pieces are not free.
+ANEW = 4
 #: Corners of a guess, at least, both ends included.
 FEWEST = 4
 #: Turns whose rotation vectors round to the same multiples of this count once [rad]; more than the
@@ -94,8 +97,20 @@ class Roadmap:
 
         Pieces are looked at closely, and proven free of contacts between bodies of the arm, only
         where a way needs them, as in Bohlin & Kavraki's lazy roadmaps, IEEE Int. Conf. Robot.
-        Autom. (2000), 521-528.
+        Autom. (2000), 521-528. Then ways are sought anew without those that are not free.
         """
+        known: set[tuple[int, ...]] = set()
+        for _ in range(ANEW):
+            yield from self._ways_found(known)
+            met = [piece for piece, free in self._found_free.items() if not free]
+            a, b = np.array(met, dtype=np.int64).reshape(-1, 2).T
+            if not np.isfinite(self._travel[a, b]).any():
+                return
+            self._travel[a, b] = self._travel[b, a] = np.inf
+            self._far, self._before, self._turned = self._tree()
+
+    def _ways_found(self, known: set[tuple[int, ...]]) -> Iterator[Guess]:
+        """Yield ways on pieces not known to be blocked, other than those known, which grow."""
         if not self._start:
             return
         rests = self._rests()
@@ -114,8 +129,9 @@ class Roadmap:
             by, end = rests.nodes[rest[i]].tolist()
             about = [*self._way(a), *self._way(b)[::-1]] if times else []
             there = [*self._way(by), end]
-            pieces = pairwise((self._start, *about, self._start, *there))
-            if all(self._free(*piece) for piece in pieces):
+            way = (self._start, *about, self._start, *there)
+            if (times, *way) not in known and all(self._free(*piece) for piece in pairwise(way)):
+                known.add((times, *way))
                 yield self._guess(self.q[about], times, self.q[there])
 
     def _ends(self) -> tuple[Rotation, Array]:
@@ -238,7 +254,7 @@ class Roadmap:
         """Tell whether no singularity is met on a piece, and bodies of the arm proven nowhere."""
         bodies, piece = self._collisions, (min(a, b), max(a, b))
         if a != b and piece not in self._found_free:
-            free = bool(self._regular(np.array([a]), np.array([b]))[0])
+            free = bool(self._regular(np.array([a]), np.array([b]), CLOSELY)[0])
             if free and bodies is not None:
                 free = not self._meet(a, b) and bodies.contact(self.q[[a, b]]) is None
             self._found_free[piece] = free

@@ -1,6 +1,7 @@
 """Ways of straight pieces whose turns of the spacecraft add up."""
 
 from itertools import islice, pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -78,6 +79,31 @@ def test_guesses_lead_near_the_goal_clear_of_singularities_and_contacts(name):
         far = max(1.0, float(np.linalg.norm(end.tip.translation)))
         assert np.linalg.norm(target.missed(start, end)) < 2.0 * GAP * far
         assert ((corners >= arm.lower) & (corners <= arm.upper)).all()
+
+
+def test_ways_avoid_pieces_on_which_a_contact_was_found():
+    arm, rng = sa.load("planar3"), np.random.default_rng(2)
+    start = arm.at(np.radians([0, 60, -100])).centred(np.zeros(3))
+    goal = arm.at(start.q + np.array([0.6, -0.1, 0.1])).centred(np.zeros(3))
+    target = Target(goal.tip, None, None, 1e-3, arm.lower, arm.upper)
+
+    def meets_wall(corners):
+        """A wall across joint 1, too thin to be seen at single postures, with a gap."""
+        (a, b), wall = corners, start.q[0] + 0.3
+        if (a[0] - wall) * (b[0] - wall) >= 0.0:
+            return None
+        return (a + (wall - a[0]) / (b[0] - a[0]) * (b - a))[2] < start.q[2] + 0.3 or None
+
+    bodies = SimpleNamespace(touch=lambda _: False, contact=meets_wall)
+    road = Roadmap(GuessFinder(start, target, 3, rng, collisions=bodies))
+    guesses = list(islice(road.guesses(), 2000))
+    blocked = {piece for piece, free in road._found_free.items() if not free}
+    taken = {(min(i, j), max(i, j)) for i, j in enumerate(road._before.tolist()) if j >= 0}
+    assert guesses
+    assert blocked
+    assert not taken & blocked
+    for guess in guesses[:50]:
+        assert not any(meets_wall(piece) for piece in pairwise(road.finder.points(guess)))
 
 
 @pytest.mark.slow
