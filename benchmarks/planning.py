@@ -3,14 +3,14 @@
     python benchmarks/planning.py [FAMILY [NUMBER [TIMEOUT]]]
 
 Every problem is drawn from a motion: random waypoints in joint space, joined smoothly, within the
-joint limits, clear of singularities and of contacts. The goal is where the tip ends, so that each
-problem has a solution, whose joint travel is the yardstick. Every plan is replayed by an integrator
-that shares nothing with the planner: scipy's DOP853 on the momentum equation, along the splines
-that are flown. Failures are listed with their numbers. In a family "... held" wheels hold the
-attitude, in one "... final attitude" that at the end is stated. In a family "... any attitude" only
-both ends are drawn: postures within the limits, the spacecraft turned by 40 to 180 degrees from one
-to the other, the pose of the tip as the goal; a proof that there is no way is an answer. Times of
-the processor tell more where it is busy.
+joint limits, clear of singularities and of contacts, as is proven. The goal is where the tip ends,
+so that each problem has a solution, whose joint travel is the yardstick. Every plan is replayed by
+an integrator that shares nothing with the planner: scipy's DOP853 on the momentum equation, along
+the splines that are flown. Failures are listed with their numbers. In a family "... held" wheels
+hold the attitude, in one "... final attitude" that at the end is stated. In a family "... any
+attitude" only both ends are drawn: postures within the limits, the spacecraft turned by 40 to 180
+degrees from one to the other, the pose of the tip as the goal; a proof that there is no way is an
+answer. Times of the processor tell more where it is busy.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from scipy.interpolate import PchipInterpolator
 import spacearm as sa
 from spacearm.mechanics.distance import linearise
 from spacearm.mechanics.floating import walk
+from spacearm.singularities.sets import prove_regular
 
 NUMBER, TIMEOUT = 100, 60.0
 CLEAR = np.radians(2.0)
@@ -176,7 +177,10 @@ def free(arm: sa.SpaceArm, Q: np.ndarray, limited: bool, mode: str) -> bool:
         J = [arm.task.jacobian(sa.generalized_jacobian(arm.at(q), mode=mode), np.eye(3)) for q in Q]
         distance = linearise(arm, Q, mode).distance
         det = np.linalg.det(J) if arm.n == arm.task.k else np.full(len(Q), np.nan)
-    return bool(distance.min() > CLEAR and (np.isnan(det).all() or (det * det[0] > 0).all()))
+    if distance.min() <= CLEAR or not (np.isnan(det).all() or (det * det[0] > 0).all()):
+        return False
+    proof = prove_regular(arm, Q, mode=mode)
+    return proof is None or bool(proof)
 
 
 def apart(rows: list[sa.Configuration]) -> bool:
