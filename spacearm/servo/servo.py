@@ -135,9 +135,9 @@ class Servo:
     """A servo: turns commanded twists of the tip into joint rates that keep off the singular set.
 
     Far from the set the rates are J*^+ v, with J* in the middle of the way that they lead until the
-    next step. Nearer than `slow` only the direction that is being lost is slowed. The distance to
-    the set then falls ever more slowly, so that `stop` is not passed; motions along the set and
-    away from it stay free. Redundant arms raise the distance by their null space. Joint limits,
+    next step. Nearer than `slow` only the direction that is being lost is slowed. The distance that
+    it knows then falls ever more slowly towards `stop`; motions along the set and away from it stay
+    free. Redundant arms raise the distance by their null space. Joint limits,
     rates and accelerations are kept by scaling, which keeps the direction, so that the arm can
     always brake before a limit. Whatever the input, no step exceeds them: invalid input brings the
     arm to rest, and the step says why.
@@ -145,7 +145,9 @@ class Servo:
     The distance is that to the nearest of the singular postures that the servo has found and
     follows from step to step. `start` searches for them as `SingularSet.nearest` does, and each
     step looks for nearer ones. Only within `ServoStep.distance_proven` is it proven that none is
-    missed; beyond, it is tested. Far from the set a nearer one may be missed for a while.
+    missed; beyond, it is tested. Far from the set a nearer one may be missed for a while. So it is
+    not guaranteed that the arm stays farther than `stop`: where the set branches, a branch may be
+    found late, and the arm be degrees nearer by then, in short steps as in long ones.
 
     The theory: control barrier functions, Ames, Xu, Grizzle & Tabuada, IEEE Trans. Autom. Control
     62(8), 3861-3876 (2017), DOI 10.1109/TAC.2016.2638961; damping of the vanishing direction alone,
