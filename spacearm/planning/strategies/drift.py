@@ -98,7 +98,7 @@ class Drift:
             StoppedError: Ctrl-C; carries the best attempt.
         """
         if self._lasts or not self.request.drift.any():
-            Problem.of(self.request.at_rest(self._lasts)).require_side()  # nothing can cross
+            Problem.of(self.request.at_rest(self._lasts)).require_side()  # or nothing solves it
         for number in self.attempts.each(itertools.count()):
             with self.attempts.at("at zero momentum"):
                 self.account.check_time()
