@@ -27,25 +27,19 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 import scipy
 
-from spacearm.arrays import (
-    Array,
-    ArrayLike,
-    Progress,
-    numbers_of,
-    positive,
-    shape_of,
-)
+from spacearm.arrays import Array, ArrayLike, Progress, numbers_of, positive, shape_of
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.files import write
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_scales
 from spacearm.polynomial.free_regions import Region, Roots, halved, shrunk
+from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.tubes import ROUNDING
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import payload_note
-from spacearm.singularities.nearest import NearestSearch
+from spacearm.singularities.nearest import STRIDE, NearestSearch
 from spacearm.singularities.polynomials import chart_of, minors_for_proofs
 
 #: How far before a singular configuration a side stops, as a share of the width of its joint, which
@@ -646,14 +640,21 @@ class Growth:
         """Return singular x (k, n) in a slab, or no farther from it than the clearance.
 
         A minor that is alone changes its sign on the way there: x is just beyond. Several are
-        followed by the Gauss-Newton method, between `start` and `end`.
+        followed by the Gauss-Newton method, between `start` and `end`; coordinates that would leave
+        them stay where they are.
         """
         if not self.alone:
             n = self.arm.n  # of uncertain numbers the middle is searched
             search = NearestSearch(self.arm, self.mode, self.origin[None], start[:n], end[:n])
-            found = search.onto(X[:, :n], DESCENT)
-            found = found[search.linearise(found).distance <= ON_THE_SET]
-            X = np.pad(found, ((0, 0), (0, len(start) - n)))
+            X = X[:, :n]
+            for _ in range(DESCENT):
+                distance, _, rows = search.linearise(X)
+                way = np.minimum(distance, STRIDE)[:, None] * rows[:, 0]
+                free = np.where(search.within(X - way) == X, 0.0, way)
+                share = (way**2).sum(axis=1) / np.maximum((free**2).sum(axis=1), 1e-300)
+                X = search.within(X - shortened(share[:, None] * free, STRIDE))
+            X = X[search.linearise(X).distance <= ON_THE_SET]
+            X = np.pad(X, ((0, 0), (0, len(start) - n)))
             return X[self.away(X, 0.0, low, high) <= self.clearance]
         X = X[self.away(X, 0.0, low, high) <= self.clearance]
         X = X[self.region.values(X) * self.sign < 0.0]

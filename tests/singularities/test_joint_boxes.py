@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import tomllib
+from helpers.arms import chosen, load_text, random_chain
 
 import spacearm as sa
 from spacearm.polynomial.free_regions import Trial
@@ -139,6 +140,16 @@ def test_named_joints_are_at_least_as_wide_as_in_any_order():
     first = sa.free_box(cfg, joints=["joint_1"])
     width = first.upper - first.lower
     assert width[0] >= (sa.free_box(cfg).upper - sa.free_box(cfg).lower)[0] - 1e-9
+
+
+@pytest.mark.parametrize("seed", [3, 4, 6])
+def test_sides_of_named_joints_stop_at_singular_postures_while_the_others_stand(seed):
+    arm = load_text(random_chain(chosen(seed), 4, ("revolute",)), task="position")
+    box = sa.free_box(arm.at(chosen(seed).uniform(-2.5, 2.5, 4)), joints=["q2", "q3"])
+    assert not any(stop.why == "undecided" for stop in box.stops)
+    for stop in box.stops:
+        if stop.why == "singular":
+            assert sa.singularity(arm.at(stop.at)).sigma_min < 1e-9
 
 
 def test_a_box_holds_the_whole_motion():
