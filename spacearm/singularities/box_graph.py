@@ -351,7 +351,7 @@ def free_boxes(
             joint infinite ones mean that it turns without end.
         share: Share of the volume of the range to cover.
         most: Largest number of cells, halved ones too.
-        so_far: Boxes to go on with; their range counts.
+        so_far: Boxes to go on with, of an arm with the same singular set; their range counts.
         mode: What the spacecraft does; see `generalized_jacobian`.
         progress: Called now and then as progress(done, most); it may end before.
 
@@ -384,7 +384,7 @@ def free_boxes(
         low = np.where(given, low, chart.centre - half)
         high = np.where(given, high, chart.centre + half)
         cells = Cells(low[None], high[None], np.array([-1]), np.array([False]))
-    elif so_far.arm is not arm or so_far.mode != mode:
+    elif digest_of_set(so_far.arm, so_far.mode) != digest_of_set(arm, mode):
         raise ConfigurationError("so_far has boxes of another arm or mode; give those of this one")
     else:
         cells, endless = so_far.cells, so_far.endless

@@ -529,15 +529,15 @@ def proving_minors(arm: SpaceArm, mode: BaseMode) -> Sequence[Jets]:
     """Return minors of which one that is not zero proves a configuration regular.
 
     All, or where these have too many coefficients a few; none where J* has no minors, these have
-    too many, too, or they would take too long to fit: those of several tips are computed one by
-    one.
+    too many, too, some are mostly rounding, or they would take too long to fit: those of several
+    tips are computed one by one.
     """
     if not has_minors(arm):
         return ()
-    minors = minors_of(arm, mode)
-    if minors.size <= (MOST_COEFFICIENTS if len(arm.tips) == 1 else MOST_OF_SEVERAL_TIPS):
-        return minors.every()
-    with suppress(UnsupportedError):  # too many coefficients
+    with suppress(UnsupportedError):  # too many coefficients, or minors that are mostly rounding
+        minors = minors_of(arm, mode)
+        if minors.size <= (MOST_COEFFICIENTS if len(arm.tips) == 1 else MOST_OF_SEVERAL_TIPS):
+            return minors.every()
         return minors.few if len(arm.tips) == 1 else ()
     return ()
 
@@ -554,7 +554,7 @@ def minors_for_proofs(arm: SpaceArm, mode: BaseMode) -> list[Jets]:
     if not minors:
         raise UnsupportedError(
             f"{arm.name}: J* has no minors that a proof could use, as with joints that mimic "
-            "others, or too many of them; lock joints"
+            "others, too many of them, or some that are mostly rounding; lock joints"
         )
     return minors
 

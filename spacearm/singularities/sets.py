@@ -8,7 +8,6 @@ path is free of them can be proven all the same, by minors (`Minors`) or by mome
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import NoReturn
@@ -20,7 +19,7 @@ from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.model.arguments import BaseMode, impossible, require_possible
 from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.certificate import Certificate
-from spacearm.polynomial.jets import Chart, Jets
+from spacearm.polynomial.jets import Chart
 from spacearm.polynomial.triangle import Triangle
 from spacearm.polynomial.tubes import straight
 from spacearm.signatures import checked
@@ -137,7 +136,7 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
         S = polynomials.singularity_polynomial(arm, mode=mode)
         joint = min(reversed(range(n)), key=lambda j: S.degrees[j] or S.coefficients.size)
         return ExactSet(arm, mode, Triangle((S,), (joint,)), Chart.turning(n))
-    if polynomials.has_minors(arm):
+    with suppress(UnsupportedError):  # no minors, or some of them are little more than rounding
         minors = polynomials.minors_of(arm, mode)
         if minors.triangle is not None:
             return ExactSet(arm, mode, minors.triangle, minors.chart, minors.sifted)
@@ -216,9 +215,7 @@ def nearest_on_way(
     if impossible(arm, mode):
         q = way[0, 0]
         return NearestSingular(arm, mode, q, False, q, 0.0, 0.0)
-    minors: Sequence[Jets] = ()
-    with suppress(UnsupportedError):  # all minors are rounding
-        minors = polynomials.proving_minors(arm, mode) if proven else ()
+    minors = polynomials.proving_minors(arm, mode) if proven else ()
     with suppress(NoSolutionError):
         return nearest_singular(arm, mode, way, minors=minors, progress=progress)
     return None

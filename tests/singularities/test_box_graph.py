@@ -112,6 +112,18 @@ def test_after_ctrl_c_there_is_what_was_covered_and_it_goes_on(after, planar):
     assert whole.part_shares == pytest.approx(planar.part_shares, abs=1e-12)
 
 
+def test_boxes_go_on_for_another_payload_and_for_no_other_spacecraft():
+    arm = sa.load("planar3")
+    first = sa.free_boxes(arm, most=200)
+    held = sa.free_boxes(arm.replace(payload=50.0), so_far=first)
+    assert held.share > max(first.share, 0.98)
+    again = sa.free_boxes(sa.load("planar3"), so_far=first)
+    assert held.share == pytest.approx(again.share, abs=0.01)
+    for other, mode in ((arm.replace(base_mass=500.0), "free-floating"), (arm, "fixed")):
+        with pytest.raises(sa.ConfigurationError, match="another arm or mode"):
+            sa.free_boxes(other, so_far=first, mode=mode)
+
+
 def test_no_cell_is_left_untried(planar):
     """Trying them again finds no more that are free."""
     first = sa.free_boxes(planar.arm, within=ENDLESS, most=200)
