@@ -450,7 +450,7 @@ def prove(
     while len(centre):
         order = np.argsort(away, kind="stable")
         now, later = order[:batch], order[batch:]
-        if tried >= most or half[now[0]].max() < NARROW:
+        if tried >= most or (tried and half[now[0]].max() < NARROW):
             open_ = np.where(roots.relevant, centre[order], whole.start[of[order]])
             return Proof(min(max(float(away[now[0]]), 0.0), tubes.radius), open_, tried)
         inside = tubes.form(centre[now], half[now], of[now])

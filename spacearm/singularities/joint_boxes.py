@@ -510,7 +510,9 @@ class Growth:
 
     def box(self) -> FreeBox:
         """Return the box."""
-        lower, upper = self.positions(-self.extent[:, 0]), self.positions(self.extent[:, 1])
+        edges = self.positions(-self.extent[:, 0]), self.positions(self.extent[:, 1])
+        at_end = (np.isclose(x, end, 1e-15, 1e-15) for x, end in zip(edges, self.ends, strict=True))
+        lower, upper = (np.where(*z) for z in zip(at_end, self.ends, edges, strict=True))
         stops = []
         for j, name in enumerate(self.arm.joint_names):
             whole = any(self.stopped.get((j, s), ("",))[0] == "turn" for s in (0, 1))

@@ -152,6 +152,19 @@ def test_sides_of_named_joints_stop_at_singular_postures_while_the_others_stand(
             assert sa.singularity(arm.at(stop.at)).sigma_min < 1e-9
 
 
+def test_a_side_that_ends_at_a_limit_is_the_limit_itself():
+    arm, ended = sa.load("planar3"), 0
+    allowed = np.array([[-2.9, -1.1, -2.3], [3.0, 2.9, 0.7]])
+    for q in np.random.default_rng(0).uniform(*allowed, (40, 3)):
+        box = sa.free_box(arm.at(q), within=tuple(allowed))
+        assert (box.lower >= allowed[0]).all()
+        assert (box.upper <= allowed[1]).all()
+        at_limit = np.array([stop.why in ("limit", "irrelevant") for stop in box.stops])
+        assert (ends(box) == allowed.T.ravel())[at_limit].all()
+        ended += at_limit.sum()
+    assert ended > 80
+
+
 def test_a_box_holds_the_whole_motion():
     arm = sa.load("planar2")
     motion = sa.follow(arm.at([0.3, 1.2]), [arm.at([0.5, 1.5]).tip])

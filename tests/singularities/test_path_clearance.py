@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers.arms import load_text, random_chain
+from helpers.arms import joint, link, load_text, random_chain, robot
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -84,6 +84,17 @@ def test_segments_take_their_clearance_and_bad_ones_are_refused():
     assert found.is_free(q, q).clearance == 0.0
     with pytest.raises(sa.ConfigurationError, match="clearance is -1"):
         found.is_free(q, q, clearance=-1.0)
+
+
+def test_where_the_jacobian_is_constant_everything_is_clear():
+    elements = [link("bus", 10.0)]
+    for i, axis in enumerate(np.eye(3)):
+        elements += [
+            link(f"l{i}"),
+            joint(f"j{i}", f"l{i - 1}" if i else "bus", f"l{i}", "prismatic", axis=axis),
+        ]
+    found = sa.singular_set(load_text(robot(*elements), task="position"), mode="fixed")
+    assert found.clearance([[0.1, 0.2, 0.3], [0.2, 0.1, 0.5]], at_least=0.3).clearance == 0.3
 
 
 def test_only_what_is_within_the_limits_counts():
