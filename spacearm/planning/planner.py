@@ -189,9 +189,10 @@ def connected(
     """Decide whether a joint path leads from one posture to another without a singularity.
 
     The spacecraft floats; its pose does not matter. For an arm with as many joints as task rows
-    the answer is "no" if det J* has opposite signs at start and goal, rounding included. It then
-    says which relaxation was tried and works, as `plan` does. It is "yes" by the straight line, or
-    by a path of the planner, each with its certificate.
+    the answer is "no" if det J* has opposite signs at start and goal, rounding included; with up to
+    three joints also if boxes of the opposite sign lie between them. It then says which relaxation
+    was tried and works, as `plan` does. It is "yes" by the straight line, or by a path of the
+    planner, each with its certificate.
 
     Args:
         start: The posture at one end.
@@ -214,7 +215,7 @@ def connected(
         'no'
     """
     from spacearm.planning.strategies.relaxations import relaxed  # slow to import, as all here
-    from spacearm.singularities.sides import parted
+    from spacearm.singularities.sides import parted, separated
 
     arm = start.arm
     if goal.arm is not arm:
@@ -223,11 +224,13 @@ def connected(
         )
     free = Constraints(limits=limits, collisions=False, clearance=0.0)
     there = arm.at(start.q), Joints(goal.q)
+
+    def no(apart: str) -> Connection:
+        request = PlanRequest.of(*there, "spacecraft", free, search, (), None, None)
+        return Connection(arm, "no", "; ".join(filter(None, (apart, relaxed(request, _floating)))))
+
     if apart := parted(start, goal):
-        tried = relaxed(
-            PlanRequest.of(*there, "spacecraft", free, search, (), None, None), _floating
-        )
-        return Connection(arm, "no", "; ".join(filter(None, (apart, tried))))
+        return no(apart)
     ends = {"start": start, "goal": goal}
     if limits and (beyond := [name for name, cfg in ends.items() if cfg.outside_limits]):
         joint = ends[beyond[0]].outside_limits[0]
@@ -241,6 +244,8 @@ def connected(
         if (at := singular_set(arm).clearance(cfg.q[None])).verdict == "singular":
             why = f"the {name} is singular itself; leave it along sa.singularity(cfg).gradient"
             return Connection(arm, "no", why, certificate=at)
+    if apart := separated(start, goal, limits):
+        return no(apart)
     try:
         found = plan(*there, constraints=free, search=search)
     except ImpossibleError as error:

@@ -11,6 +11,7 @@ no posture to go to.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import lru_cache
 from itertools import product
 from typing import TypeAlias
@@ -19,11 +20,17 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import reactions
 from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.trig import TrigPolynomial
-from spacearm.singularities.polynomials import radius_squared, singularity_polynomial
+from spacearm.singularities.box_graph import FreeBoxes, free_boxes
+from spacearm.singularities.polynomials import (
+    minor_sampler,
+    radius_squared,
+    singularity_polynomial,
+)
 from spacearm.singularities.rounding import proven_sign
 
 #: Largest number of joints whose space is divided, and of boxes at a time.
@@ -47,6 +54,38 @@ def parted(start: Configuration, goal: Configuration) -> str:
         f"det J* is {SIGNS[here]} at the start and {SIGNS[there]} at the goal, so that every way "
         "between them meets a singularity"
     )
+
+
+def separated(start: Configuration, goal: Configuration, limits: bool) -> str:
+    """Return the proof that no joint path leads round the singular set, or nothing.
+
+    The boxes in which det J* has the opposite sign (`free_boxes`) are walls. Cells that are none
+    hold all other configurations; those of start and goal are in different connected parts.
+
+    Args:
+        start: Where the path begins.
+        goal: Where it ends, with the same sign of det J*.
+        limits: Whether it stays within the joint limits.
+    """
+    arm = start.arm
+    few = arm.n == arm.task.k and arm.n <= MOST_JOINTS and arm.coupling is None
+    within = np.array((arm.lower, arm.upper) if limits else np.full(arm.n, np.inf) * [[-1], [1]])
+    if not few or not np.isfinite(within[:, arm.slides]).all() or not proven_sign(start):
+        return ""
+    boxes = free_boxes(arm, within=(within[0], within[1]), most=MOST_BOXES)
+    low, high, child, free = boxes.cells
+    S = minor_sampler(arm, [tuple(range(arm.n))], FLOATING)
+    wall = free & (S(0.5 * (low + high))[:, 0] * S(start.q[None])[0, 0] < 0.0)
+    cells = boxes.cells._replace(free=(child < 0) & ~wall)
+    left = FreeBoxes(arm, FLOATING, cells, boxes.endless)
+    ends = np.array((start.q, goal.q))
+    with suppress(NoSolutionError):  # an end lies beyond its limit, by rounding
+        if all(len([*left.ways(q, ends)]) == 1 for q in ends):
+            return (
+                f"det J* is {SIGNS[proven_sign(start)]} at start and goal, but every way between "
+                f"them{' within the joint limits' * limits} meets a singularity, proven by boxes"
+            )
+    return ""
 
 
 def dividable(arm: SpaceArm) -> bool:

@@ -6,6 +6,7 @@ from collections import Counter
 import numpy as np
 import pinocchio as pin
 import pytest
+import scipy
 from helpers.arms import chosen, load_text, planar_pair, random_chain
 
 import spacearm as sa
@@ -56,6 +57,25 @@ def test_the_answer_yes_comes_with_a_path_that_is_proven(arm):
             assert sa.singular_set(arm).clearance(answer.path)
             found.add(answer.reason.split(":")[0])
     assert "straight from one to the other" in found
+
+
+def test_within_limits_postures_of_one_sign_are_apart_where_no_way_leads_round_the_set(monkeypatch):
+    """As the points of a fine grid that have this sign are."""
+    monkeypatch.setattr(relaxations, "TIME", 0.1)
+    arm = sa.load("planar2").limited({"joint_1": (-2.5, 2.0), "joint_2": (-2.5, 5.0)})
+    ticks = [np.linspace(*ends, 401) for ends in zip(arm.lower, arm.upper, strict=True)]
+    Q = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1)
+    S = singularity_polynomial(arm)(Q.reshape(-1, 2)).reshape(401, 401)
+    apart, rng = 0, np.random.default_rng(0)
+    for _ in range(40):
+        a, b = map(tuple, rng.integers(20, 381, (2, 2)).tolist())
+        part, _ = scipy.ndimage.label(S * S[a] > 0.0)
+        one_sign, joined = S[a] * S[b] > 0.0, part[a] == part[b]
+        answer = sa.connected(arm.at(Q[a]), arm.at(Q[b]), search=FEW)
+        assert answer.answer == ("yes" if joined else "no")
+        assert ("proven by boxes" in answer.reason) == (one_sign and not joined)
+        apart += one_sign and not joined
+    assert apart
 
 
 def test_redundant_arms_have_no_sides():
