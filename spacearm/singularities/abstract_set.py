@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 import numpy as np
 
 from spacearm.arrays import LARGEST, Array, ArrayLike, Progress, finite, named, numbers_of, within
-from spacearm.errors import ConfigurationError, UnsupportedError
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -24,7 +24,7 @@ from spacearm.polynomial.free_regions import prove
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.level_set import Mesh
 from spacearm.polynomial.trig import TrigPolynomial
-from spacearm.polynomial.tubes import Tubes, foot, straight
+from spacearm.polynomial.tubes import ROUNDING, Tubes, foot, straight
 from spacearm.polynomial.univariate import Roots
 from spacearm.results import Cell, Described, Description, Table
 from spacearm.signatures import checked
@@ -358,10 +358,23 @@ class SingularSet(Described, ABC):
             Configuration, distance and proven distance.
 
         Raises:
-            NoSolutionError: None was found.
+            NoSolutionError: None was found; says so if it is proven that none is within the limits.
         """
         way, minors = control_points(self.arm, q), proving_minors(self.arm, self.mode)
-        return nearest_singular(self.arm, self.mode, way, limits, minors, progress)
+        try:
+            return nearest_singular(self.arm, self.mode, way, limits, minors, progress)
+        except NoSolutionError:
+            if limits and minors and self._none_within_limits(way[:1, :1]):
+                raise NoSolutionError(
+                    f"{self.arm.name}: no posture within the joint limits is singular: proven"
+                ) from None
+            raise
+
+    def _none_within_limits(self, at: Array) -> bool:
+        """Tell whether it is proven that none is within the limits, seen from (1, 1, n)."""
+        far = np.maximum(self.arm.upper - at, at - self.arm.lower) / joint_scales(self.arm)
+        reach = float(np.linalg.norm(far)) * (1.0 + ROUNDING)
+        return reach <= LARGEST and bool(prove_clear(self.arm, self.mode, at, reach, limits=True))
 
     def is_free(
         self,

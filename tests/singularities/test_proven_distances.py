@@ -25,6 +25,13 @@ def contradictions(arm, q, near, mode, rng, starts=40):
     return [d for d in found if d < near.distance_proven * (1 - 1e-9)]
 
 
+def test_where_nothing_within_the_limits_is_singular_that_is_proven():
+    arm = sa.load("planar3").limited({"joint_2": (0.4, 2.6)})
+    with pytest.raises(sa.NoSolutionError, match="limits is singular: proven"):
+        sa.singular_set(arm).nearest([0.1, 1.0, 0.3], limits=True)
+    assert sa.singular_set(arm).nearest([0.1, 1.0, 0.3]).q[1] < 0.4
+
+
 @pytest.mark.slow
 @settings(max_examples=10)
 @given(
