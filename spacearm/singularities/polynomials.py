@@ -258,8 +258,9 @@ PROBES = 256
 HIGHEST = 12
 #: Share of the largest minor below which one vanishes everywhere.
 ABSENT = 1e-11
-#: How many times the fewest coefficients those of a few minors may have.
-LARGER = 4
+#: Half width of the boxes in which a few minors are compared [rad], and the power of their width
+#: that the number of boxes falls with; configurations that they lie about.
+HALF_WIDTH, POWER, COMPARED = 0.2, 2.0, 128
 #: Largest number of maximal minors.
 MOST_MINORS = 500
 #: Largest number of coefficients of minors that are used together.
@@ -339,11 +340,9 @@ class Minors:
 
     @property
     def few(self) -> list[Jets]:
-        """Minors that have all columns B but one in common.
+        """Minors that prove much for the time they take.
 
-        Where one is not zero the arm is regular; where all are zero it need not be singular: B is
-        dependent there. Of the choices with few coefficients the one is taken whose B is farthest
-        from that, in the median of random configurations.
+        Where one is not zero the arm is regular; where all are zero it need not be singular.
 
         Raises:
             UnsupportedError: They have too many coefficients.
@@ -352,21 +351,39 @@ class Minors:
 
     @cached_property
     def _few(self) -> list[Columns]:
-        """The columns of `few`."""
-        bases = combinations(range(self.arm.n), self.arm.task.k - 1)
-        own = {B: some for B in bases if len(some := self._minors_with(B)) >= self.codimension}
-        if not own:
-            return []
-        least = min(map(self._size, own.values()))
-        most = max(least, min(LARGER * least, MOST_COEFFICIENTS))
-        drawn = self.chart.draw(np.random.default_rng(0), PROBES)
-        J = np.array([task_jacobian(self.arm.at(q), mode=self.mode) for q in drawn])
+        """The columns of `few`.
 
-        def spread(B: Columns) -> float:
-            columns = J[:, :, list(B)]
-            return float(np.median(np.linalg.det(columns.swapaxes(1, 2) @ columns)))
+        Each one added is that with which proofs take the fewest coefficients times boxes. The
+        width of a box goes with |a|, where a sum of the minors has value 1 in its middle and the
+        squares of its changes in the box, of the slopes together and of what bends one by one, are
+        least, 1 / |a|^2; it counts as a share of that with all minors.
+        """
+        own = [*self.degrees]
+        sizes = np.array([self._size([C]) for C in own])
+        f = _of_angles(self.arm, self.mode, self.chart, own)
+        at = self.chart.angles(self.chart.draw(np.random.default_rng(0), COMPARED))
+        ends = [(f(at - dx), f(at + dx)) for dx in HALF_WIDTH * np.eye(self.arm.n)]
+        value = f(at)
+        bends = sum(np.sqrt(np.abs(0.5 * (start + end) - value)) for start, end in ends) ** 2
+        unit = np.sqrt((bends**2).mean(axis=0)) + np.finfo(np.float64).tiny
+        v, slopes = value / unit, np.stack([(end - start) / (2.0 * unit) for start, end in ends], 2)
 
-        return own[max((B for B in own if self._size(own[B]) <= most), key=spread)]
+        def widths(some: list[int]) -> Array:
+            S, own = slopes[:, some].swapaxes(1, 2), v[:, some, None]
+            b = S @ own
+            solved = np.linalg.solve(np.eye(len(ends)) + S @ S.swapaxes(1, 2), b)
+            return np.asarray(np.sqrt((own**2).sum(axis=(1, 2)) - (b * solved).sum(axis=(1, 2))))
+
+        whole, chosen, least = widths([*range(len(own))]), list[int](), np.inf
+        while len(chosen) < len(own):
+            every = [[*chosen, i] for i in range(len(own)) if i not in chosen]
+            total = np.array([sizes[some].sum() for some in every])
+            boxes = [((whole / widths(some)) ** POWER).mean() for some in every]
+            work = np.where(total <= MOST_COEFFICIENTS, total * boxes, np.inf)
+            if work.min() >= least and len(chosen) >= self.codimension:
+                break
+            least, chosen = work.min(), every[int(np.argmin(work))]
+        return [own[i] for i in chosen]
 
     def _together(self, columns: list[Columns], most: int) -> list[Jets]:
         """Return several minors.
