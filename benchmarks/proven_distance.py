@@ -8,10 +8,12 @@ import sys
 import time
 
 import numpy as np
+from planning import random_arm
 
 import spacearm as sa
 
 POSTURES, BOXES = 20, 10
+NAMES = ("planar3", "mda6", "ets7", "servicer_ur5", "chaser7", "ssrms", "tecsas")
 
 
 def boxes() -> None:
@@ -40,15 +42,19 @@ def boxes() -> None:
 
 def main() -> None:
     rng = np.random.default_rng(0)
-    for name in ("planar3", "mda6", "ets7", "servicer_ur5", "chaser7", "ssrms", "tecsas"):
-        found, shares, seconds = sa.singular_set(sa.load(name)), [], []
-        points = rng.uniform(-np.pi, np.pi, (POSTURES + 1, found.arm.n))
-        for q in points:
-            begun = time.process_time()
-            near = found.nearest(q)
-            seconds.append(time.process_time() - begun)
-            shares.append(near.distance_proven / near.distance)
-        share, own = np.array(shares[1:]), np.array(seconds[1:])  # the first one compiles
+    arms = {name: [sa.load(name)] for name in NAMES}
+    arms["random 8R"] = [random_arm(False, 8, seed) for seed in range(10)]
+    for name, every in arms.items():
+        shares, seconds = [], []
+        for found in map(sa.singular_set, every):
+            points = rng.uniform(-np.pi, np.pi, (POSTURES // len(every) + 1, found.arm.n))
+            found.nearest(points[0])  # fits and compiles
+            for q in points[1:]:
+                begun = time.process_time()
+                near = found.nearest(q)
+                seconds.append(time.process_time() - begun)
+                shares.append(near.distance_proven / near.distance)
+        share, own = np.array(shares), np.array(seconds)
         print(
             f"{name}: search and proof {1e3 * np.median(own):.0f} ms, at most {own.max():.2f} s; "
             f"proven {100 * np.median(share):.2f} % in the median, {100 * share.min():.0f} % or "

@@ -267,6 +267,8 @@ MOST_MINORS = 500
 MOST_COEFFICIENTS = 1_000_000
 #: The same of two, the fewest that tell a path across the roots of one from a singular one.
 MOST_OF_TWO = 4_000_000
+#: The same of all minors, beyond which a few of them prove more in the same time.
+MOST_OF_ALL = 200_000
 #: The same of several tips, for a proof that nobody has asked for by itself.
 MOST_OF_SEVERAL_TIPS = 20_000
 #: Number of choices of the columns B that are tried.
@@ -309,6 +311,7 @@ class Minors:
     chart: Chart
     degrees: dict[Columns, tuple[int, ...]]
     _fitted: dict[Columns, Jets] = field(default_factory=dict, repr=False)
+    _rounding: set[Columns] = field(default_factory=set, repr=False)
 
     def __getitem__(self, columns: Columns) -> Jets:
         """Return one minor, of scale 1; fitted when it is first asked for."""
@@ -386,7 +389,7 @@ class Minors:
         return [own[i] for i in chosen]
 
     def _together(self, columns: list[Columns], most: int) -> list[Jets]:
-        """Return several minors.
+        """Return several minors, without those that are mostly rounding.
 
         Raises:
             UnsupportedError: They have too many coefficients.
@@ -396,7 +399,13 @@ class Minors:
                 f"{self.arm.name}: {len(columns)} minors of J* have {size:.3g} coefficients, of "
                 f"which {most:.0e} at most are kept; lock joints"
             )
-        return [self[C] for C in columns]
+        found = []
+        for C in columns:
+            try:
+                found += [] if C in self._rounding else [self[C]]
+            except UnsupportedError:
+                self._rounding.add(C)
+        return found
 
     def _size(self, columns: list[Columns]) -> int:
         """Return how many coefficients minors have."""
@@ -546,14 +555,14 @@ def proving_minors(arm: SpaceArm, mode: BaseMode) -> Sequence[Jets]:
     """Return minors of which one that is not zero proves a configuration regular.
 
     All, or where these have too many coefficients a few; none where J* has no minors, these have
-    too many, too, some are mostly rounding, or they would take too long to fit: those of several
-    tips are computed one by one.
+    too many, too, or they would take too long to fit: those of several tips are computed one by
+    one.
     """
     if not has_minors(arm):
         return ()
     with suppress(UnsupportedError):  # too many coefficients, or minors that are mostly rounding
         minors = minors_of(arm, mode)
-        if minors.size <= (MOST_COEFFICIENTS if len(arm.tips) == 1 else MOST_OF_SEVERAL_TIPS):
+        if minors.size <= (MOST_OF_ALL if len(arm.tips) == 1 else MOST_OF_SEVERAL_TIPS):
             return minors.every()
         return minors.few if len(arm.tips) == 1 else ()
     return ()

@@ -76,6 +76,29 @@ def test_of_redundant_arms_most_is_proven():
     assert np.median(shares) > 0.89999
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 2])
+def test_of_arms_with_eight_joints_more_than_half_is_proven(seed):
+    """A few of 28 minors that vanish together only by the set, where all are too many."""
+    arm, rng = load_text(random_chain(seed, 8, ("revolute",))), np.random.default_rng(seed)
+    shares = []
+    for q in rng.uniform(-np.pi, np.pi, (5, arm.n)):
+        near = sa.singular_set(arm).nearest(q)
+        shares.append(near.distance_proven / near.distance)
+        assert not contradictions(arm, q, near, "free-floating", rng, 10)
+    assert np.median(shares) > 0.5
+
+
+@pytest.mark.slow
+def test_a_minor_that_is_mostly_rounding_is_left_out():
+    """Of the last three columns of mda6 a point in the wrist knows next to nothing."""
+    arm = sa.load("mda6", task="position")
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, 6)
+    near = sa.singular_set(arm).nearest(q)
+    assert near.distance_proven > 0.5 * near.distance
+    assert not contradictions(arm, q, near, "free-floating", np.random.default_rng(1), 40)
+
+
 def test_a_distance_to_first_order_says_so_and_proves_nothing():
     report = sa.singularity(sa.load("planar2").at([0.3, 0.7]))
     assert report.distance_proven == 0.0
