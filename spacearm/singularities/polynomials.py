@@ -366,16 +366,17 @@ class Minors:
         f = _of_angles(self.arm, self.mode, self.chart, own)
         at = self.chart.angles(self.chart.draw(np.random.default_rng(0), COMPARED))
         ends = [(f(at - dx), f(at + dx)) for dx in HALF_WIDTH * np.eye(self.arm.n)]
-        value = f(at)
-        bends = sum(np.sqrt(np.abs(0.5 * (start + end) - value)) for start, end in ends) ** 2
-        unit = np.sqrt((bends**2).mean(axis=0)) + np.finfo(np.float64).tiny
+        value, tiny = f(at), np.finfo(np.float64).tiny
+        bent = [np.sqrt(np.abs(0.5 * (start + end) - value)) for start, end in ends]
+        unit = np.sqrt((np.sum(bent, axis=0) ** 4).mean(axis=0)) + tiny
         v, slopes = value / unit, np.stack([(end - start) / (2.0 * unit) for start, end in ends], 2)
 
         def widths(some: list[int]) -> Array:
             S, own = slopes[:, some].swapaxes(1, 2), v[:, some, None]
             b = S @ own
             solved = np.linalg.solve(np.eye(len(ends)) + S @ S.swapaxes(1, 2), b)
-            return np.asarray(np.sqrt((own**2).sum(axis=(1, 2)) - (b * solved).sum(axis=(1, 2))))
+            square = (own**2).sum(axis=(1, 2)) - (b * solved).sum(axis=(1, 2))
+            return np.asarray(np.sqrt(np.maximum(square, tiny)))
 
         whole, chosen, least = widths([*range(len(own))]), list[int](), np.inf
         while len(chosen) < len(own):
