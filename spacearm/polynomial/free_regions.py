@@ -395,7 +395,8 @@ class Roots:
         value, by_joint = np.abs(own.value), np.abs(own.terms) @ own.monomials.share + own.beyond
         total = by_joint.sum(axis=2)
         proven = (value - own.noise > total * (1.0 + ROUNDING)).any(axis=1)
-        taken = VOTE * (by_joint / np.maximum(total, value)[:, :, None]).sum(axis=1)
+        size = np.maximum(np.maximum(total, value), EPS)[:, :, None]
+        taken = VOTE * (by_joint / size).sum(axis=1)
         trials = [(own, own.factors(own.beyond.sum(axis=2) + own.noise))]
         least = np.full(len(half), np.inf)
         if inside is not None:
