@@ -659,7 +659,7 @@ class Growth:
             X = np.pad(X, ((0, 0), (0, len(start) - n)))
             return X[self.away(X, 0.0, low, high) <= self.clearance]
         X = X[self.away(X, 0.0, low, high) <= self.clearance]
-        X = X[self.region.values(X) * self.sign < 0.0]
+        X = X[self.region.values(X) * self.sign < 0.0] if len(X) else X
         if not len(X):
             return X
         x = X[np.argmin(self.gaps(X, low, high, side))]

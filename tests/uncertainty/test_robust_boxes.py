@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.arms import load_text, random_chain
+from helpers.arms import chosen, load_text, random_chain
 
 import spacearm as sa
 from spacearm.singularities.regularity import Momenta
@@ -78,6 +78,19 @@ def test_a_redundant_arm_keeps_its_rank_in_the_box():
     assert (box.upper > box.lower).all()
     for one in members(about, rng, 4):
         assert all(sa.singularity(one.at(q)).sigma_min > 1e-4 for q in inside(box, rng, 20))
+
+
+@pytest.mark.slow
+def test_a_clearance_is_kept_by_every_member():
+    """Also where nothing is left of a slab in which a singular posture is looked for."""
+    arm, rng = sa.load("planar3"), np.random.default_rng(2)
+    about = sa.uncertain(arm, {"spacecraft": {"mass": 0.3}})
+    q = chosen(1).uniform(-2.5, 2.5, 3)
+    box = sa.free_box_for_all(about, arm.at(q), clearance=0.03)
+    check(about, box, rng)
+    for member in members(about, rng, 6):
+        for x in inside(box, rng, 4):
+            assert sa.singularity(member.at(x), exact=True).distance > 0.03
 
 
 def test_enclosures_hold_the_momenta_of_members():
