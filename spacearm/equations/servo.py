@@ -17,19 +17,20 @@ The rates hold until the next tick. So J* and the axes of the twist are those in
 way on which they lead, guessed from the last rates and, if the twist would be off, from those
 found: where sigma_min is a ten-thousandth of sigma_max, a way 1e-4 off turns the twist by degrees.
 
-The distance is that to singular postures that are followed from tick to tick: three, the nearest
-that are known, and six scouts that set out from the arm's posture and at random, and take the place
-of the farthest, or of one close by, when they come to rest nearer, for all that their residual may
-hide. So each is found, and the nearest of all is no farther, but where sigma_min has a valley: its
-slope there may take a point that is not on the set to be nearly on it, and tell of it for a tick.
-Where the set folds, steps along it may come to rest nowhere: a scout that is so near to the arm,
-and to the set beside it, that something nearer must be there is followed as it is. Each goes
-towards the point nearest to the arm's posture on the set linearised at itself: by a whole step of
-Newton's method to the set, and along it by a share. Where the set bends more than the sphere about
-the posture, whole steps would lead ever farther away; the share is that by which the last two ways
-along the set would have become least: Barzilai & Borwein, IMA J. Numer. Anal. 8(1), 141-148 (1988),
-DOI 10.1093/imanum/8.1.141. After a long way, or a long tick, they take a step for each part of the
-arm's way. All angles x count in radians of each joint; see `model.joints.joint_scales`.
+The distance is that to singular postures that are followed from tick to tick: four, the nearest
+that are known, and five scouts. These set out from the arm's posture, at random, and ahead, and
+take the place of the farthest, or of one close by, when they come to rest nearer, for all that
+their residual may hide. So each is found, and the nearest of all is no farther, but where sigma_min
+has a valley: its slope there may take a point that is not on the set to be nearly on it, and tell
+of it for a tick. Where the set folds, steps along it may come to rest nowhere: a scout that is so
+near to the arm, and to the set beside it, that something nearer must be there is followed as it is.
+Each goes towards the point nearest to the arm's posture on the set linearised at itself: by a whole
+step of Newton's method to the set, and along it by a share. Where the set bends more than the
+sphere about the posture, whole steps would lead ever farther away; the share is that by which the
+last two ways along the set would have become least: Barzilai & Borwein, IMA J. Numer. Anal. 8(1),
+141-148 (1988), DOI 10.1093/imanum/8.1.141. Beside the set it is less: in a valley, steps that long
+leave the nearest posture itself. After a long way, or a long tick, they take a step for each part
+of the arm's way. All angles x count in radians of each joint; see `model.joints.joint_scales`.
 """
 
 from __future__ import annotations
@@ -75,13 +76,15 @@ from spacearm.equations.rate_limits import (
 #: Axes in which the twist is given.
 Frame = Literal["inertial", "spacecraft", "tip"]
 #: Singular postures that are followed, and those that look for nearer ones.
-KEPT, SCOUTS = 3, 6
+KEPT, SCOUTS = 4, 5
 SLOTS = KEPT + SCOUTS
 #: Ticks until a scout sets out again, and until motion begins after nothing was known.
 PATIENCE, SEARCH = 24, 80
 #: Residual beyond which a posture is not on the set, way below which a scout is at rest and one
 #: that is followed, distance below which two are one, longest step [rad].
 LOST, AT_REST, SETTLED, APART, STRIDE = 0.02, 0.02, 0.045, 0.02, 0.4
+#: Share of its distance from the arm's posture that a residual may be on whole ways along the set.
+BESIDE = 0.02
 #: In how many parts at most the arm's last way is searched, and how long one is [rad], [s].
 LOOKS, LOOK, LASTS = 8, 0.02, 0.0125
 #: How often at most the way to come is guessed, how far off its end may be [rad], and that times
@@ -100,6 +103,9 @@ NEARER, DOUBTED = 0.99, 3.0
 #: Scouts set out within this times the distance, `stop` or `slow` if that is more, and no farther
 #: than that [rad].
 BEYOND, WITHIN = 1.2, 1.5
+#: How many set out on all sides; nearer than `slow` the others set out ahead of an arm that moves,
+#: with this share of chance. One is lost beyond this times the widest way.
+AROUND, SPREAD, ASIDE = 2, 0.5, 1.5
 #: Share of the norm of J* up to which its least singular value is zero.
 NO_INVERSE = 1e-9
 #: Stands for a posture that holds nothing [rad].
@@ -491,6 +497,7 @@ def _follower(xp: Any, tree: Structure, p: Parameters, x: Any, fading: Any, radi
         least = (SMOOTH * SHARE - went @ change) / (SMOOTH + change @ change)
         moved = xp.logical_and(there, (last * last).sum() > 0.0)
         share = xp.where(moved, xp.minimum(xp.maximum(least, LEAST), 1.0), SHARE)
+        share = share * at_most(xp, far, BESIDE * norm(xp, X))
         step = share * slide + normal
         step = at_most(xp, norm(xp, step), STRIDE) * step
         return (
@@ -504,13 +511,7 @@ def _follower(xp: Any, tree: Structure, p: Parameters, x: Any, fading: Any, radi
 
 
 def _follow(
-    xp: Any,
-    follow: Any,
-    x: Any,
-    memory: Memory,
-    fresh: Any,
-    count: Any,
-    limits: Limits,
+    xp: Any, follow: Any, x: Any, memory: Memory, fresh: Any, count: Any, limits: Limits
 ) -> tuple[list[Known], Memory]:
     """Take a step with all postures that are followed; scouts set out, or take a place.
 
@@ -519,7 +520,9 @@ def _follow(
     """
     found = [follow(memory.points[i], memory.ways[i], memory.shares[i]) for i in range(SLOTS)]
     ages = [xp.where(fresh, 1.0 + PATIENCE, memory.ages[i]) for i in range(SLOTS)]
-    still = AT_REST + LAG * _distance(xp, x, memory.q / limits.radians)
+    ahead = x - memory.q / limits.radians
+    went = norm(xp, ahead)
+    ahead, still = ahead * (1.0 / xp.where(went > 0.0, went, 1.0)), AT_REST + LAG * went
     longest = [xp.maximum(still, SETTLED)] * KEPT + [still] * SCOUTS
     sizes = [_size(xp, *of) for of in zip(found, ages, longest, strict=True)]
     for i in range(KEPT):  # of two that have become one the nearer goes on
@@ -532,12 +535,16 @@ def _follow(
                 for one, size in zip(gone, (sizes[j], sizes[i]), strict=True)
             )
     nearest = extreme(xp.minimum, sizes[:KEPT])
-    starts = []
+    starts, moves = [], xp.logical_and(went > 0.0, nearest < limits.slow)
     for i in range(SCOUTS):
         least = limits.slow if i % 2 else limits.stop
-        wide = xp.minimum(BEYOND * xp.maximum(nearest, least), WITHIN) * sqrt(3.0 / len(x))
-        starts.append(x + wide * _chance(xp, SCOUTS * count + i, len(x)))
+        wide = xp.minimum(BEYOND * xp.maximum(nearest, least), WITHIN)
+        start = sqrt(3.0 / len(x)) * _chance(xp, SCOUTS * count + i, len(x))
+        if i >= AROUND:
+            start = xp.where(moves, ahead + SPREAD * start, start)
+        starts.append(x + wide * start)
     starts[0] = xp.where(_rest(xp, count, 4.0) < 0.5, x, starts[0])
+    lost = ASIDE * xp.minimum(BEYOND * xp.maximum(nearest, limits.slow), WITHIN)
     for i, start in zip(range(KEPT, SLOTS), starts, strict=True):
         scout = found[i]
         rests = xp.logical_and(sizes[i] < np.inf, norm(xp, scout.way) < still)
@@ -557,7 +564,7 @@ def _follow(
             mine = xp.logical_and(takes, xp.absolute(place - j) < 0.5)
             found[j] = _either(xp, mine, scout, found[j])
             sizes[j], ages[j] = xp.where(mine, sizes[i], sizes[j]), xp.where(mine, 0.0, ages[j])
-        on_the_way = xp.logical_and(ages[i] < PATIENCE, scout.far < np.inf)
+        on_the_way = xp.logical_and(ages[i] < PATIENCE, _distance(xp, scout.point, x) < lost)
         goes = xp.logical_and(on_the_way, xp.logical_not(rests))
         found[i] = _either(xp, goes, scout, scout._replace(point=start, slide=0.0 * x, share=SHARE))
         ages[i] = xp.where(goes, ages[i] + 1.0, 0.0)

@@ -230,6 +230,51 @@ def test_fast_motions_in_ticks_of_any_length_do_not_fall_below_stop(name, longes
     assert (flown.min(axis=0) < 0.99 * STOP).mean() < 0.01
 
 
+@SLOW
+def test_a_branch_of_the_set_ahead_of_the_arm_is_found_before_it_is_near():
+    """Few postures about the arm lead to it. All lanes know the nearest posture at first.
+
+    The way is straight; they differ in where scouts set out.
+    """
+    arm, m, steps, dt = sa.load("ssrms"), 240, 12, np.full((240, 1), 0.1)
+    servo, size = sa.Servo(arm, rates=1.0), ticks.size(ticks.Tick, arm.n, 1)
+    way = np.linspace([-0.268, -1.6, -0.094, -1.272, -0.66, 1.699, -0.655],
+                      [-0.3, -1.721, 0.04, -1.318, -0.674, 1.598, -0.646], steps + 1)  # fmt: skip
+    first = NearestSearch(arm, "free-floating", way[:1]).nearest()
+    fresh = ticks.unknowing(arm.n, way[0], [way[0] + first])
+    counts = ticks.SEARCH + 97.0 * np.arange(m)
+    memory = np.array([packed(fresh._replace(count=count)) for count in counts])
+    level, rest = np.tile(LEVEL, (m, 1)), np.zeros((m, 6))
+    for q in way:
+        given = np.concatenate((np.tile(q, (m, 1)), level, rest, dt, rest, memory), axis=1)
+        found = servo._kernel({"given": given}, servo._numbers)
+        memory = found[:, size:]
+    near = np.linalg.norm(NearestSearch(arm, "free-floating", way[-1:]).nearest())
+    late = found[:, arm.n] > near + np.radians(0.3)
+    assert near < STOP
+    assert late.mean() < 0.2
+
+
+def test_a_posture_beside_the_nearest_in_a_valley_comes_to_rest_there():
+    """Whole ways along a set that bends between them leave it for the bottom of the valley."""
+    arm, rng = sa.load("chaser7"), np.random.default_rng(21)
+    q = np.array([0.481, 3.094, 2.86, -0.036, -0.651, -1.758, -0.183])
+    nearest = q + NearestSearch(arm, "free-floating", q[None]).nearest()
+    tree, p, limits = structure_of(arm), parameters_of(arm), sa.Servo(arm).limits
+    follow = ticks._follower(numbers, tree, p, q, limits.fading, limits.radians)
+    rested = []
+    for _ in range(20):
+        beside = rng.normal(size=arm.n)
+        state = nearest + 0.02 * beside / np.linalg.norm(beside), np.zeros(arm.n), ticks.SHARE
+        for _ in range(ticks.PATIENCE):
+            with np.errstate(all="ignore"):
+                one = follow(*state)
+            state = one.point, one.slide, one.share
+        rested.append(np.linalg.norm(one.point - nearest) < np.radians(1.0))
+    assert 4.0 < np.degrees(np.linalg.norm(nearest - q)) < 6.0
+    assert np.mean(rested) > 0.8
+
+
 def test_in_long_ticks_the_tip_goes_where_it_is_sent_while_the_spacecraft_turns():
     """The way of the tip in inertial axes, the rates held through each tick."""
     arm, dt, wished = sa.load("planar2"), 0.1, np.array([0.3, 0.2])
