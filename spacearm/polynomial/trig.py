@@ -97,8 +97,10 @@ def error_bound(values: Array, wanted: Array, degrees: tuple[int, ...]) -> float
 def degrees_of(sampler: Sampler, n: int, highest: int, rng: np.random.Generator) -> Integers:
     """Find the degrees (n, components): where the spectra along random lines end.
 
+    Those of components that are mostly rounding are worth nothing, beside others.
+
     Raises:
-        UnsupportedError: They do not end up to the highest degree, or are not finite.
+        UnsupportedError: None ends up to the highest degree, or they are not finite.
     """
     N = 2 * highest + 5
     lines = rng.uniform(-np.pi, np.pi, (n, LINES, 1, n)).repeat(N, axis=2)
@@ -111,7 +113,7 @@ def degrees_of(sampler: Sampler, n: int, highest: int, rng: np.random.Generator)
     size = np.abs(spectra).max(axis=1)  # (n, orders, components)
     rounding = size[:, highest + 1 :].max(axis=1)
     bound = np.maximum(ROUNDING * size.max(axis=(0, 1)), ABOVE_ROUNDING * rounding)
-    beyond = np.flatnonzero((rounding > MISFIT * size.max(axis=(0, 1))).any(axis=1))
+    beyond = np.flatnonzero((rounding > MISFIT * size.max(axis=(0, 1))).all(axis=1))
     if beyond.size:
         raise UnsupportedError(
             f"the function is not band-limited in angle {beyond[0]}: its degree is above {highest}"

@@ -561,7 +561,7 @@ def proving_minors(arm: SpaceArm, mode: BaseMode) -> Sequence[Jets]:
     """
     if not has_minors(arm):
         return ()
-    with suppress(UnsupportedError):  # too many coefficients, or minors that are mostly rounding
+    with suppress(UnsupportedError):  # too many coefficients, or all are mostly rounding
         minors = minors_of(arm, mode)
         if minors.size <= (MOST_OF_ALL if len(arm.tips) == 1 else MOST_OF_SEVERAL_TIPS):
             return minors.every()
@@ -581,7 +581,7 @@ def minors_for_proofs(arm: SpaceArm, mode: BaseMode) -> list[Jets]:
     if not minors:
         raise UnsupportedError(
             f"{arm.name}: J* has no minors that a proof could use, as with joints that mimic "
-            "others, too many of them, or some that are mostly rounding; lock joints"
+            "others, or too many of them; lock joints"
         )
     return minors
 
