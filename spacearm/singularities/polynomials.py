@@ -372,10 +372,10 @@ class Minors:
         v, slopes = value / unit, np.stack([(end - start) / (2.0 * unit) for start, end in ends], 2)
 
         def widths(some: list[int]) -> Array:
-            S, own = slopes[:, some].swapaxes(1, 2), v[:, some, None]
-            b = S @ own
+            S, values = slopes[:, some].swapaxes(1, 2), v[:, some, None]
+            b = S @ values
             solved = np.linalg.solve(np.eye(len(ends)) + S @ S.swapaxes(1, 2), b)
-            square = (own**2).sum(axis=(1, 2)) - (b * solved).sum(axis=(1, 2))
+            square = (values**2).sum(axis=(1, 2)) - (b * solved).sum(axis=(1, 2))
             return np.asarray(np.sqrt(np.maximum(square, tiny)))
 
         whole, chosen, least = widths([*range(len(own))]), list[int](), np.inf
