@@ -1,4 +1,4 @@
-"""How much of the distance to the singular set is proven, and in which processor time.
+"""How much of the distance to the singular set is proven, and how long it takes by the clock.
 
 Usage: python benchmarks/proven_distance.py
        python benchmarks/proven_distance.py boxes [ARM ...]   # free boxes within the limits
@@ -50,9 +50,9 @@ def main() -> None:
             points = rng.uniform(-np.pi, np.pi, (POSTURES // len(every) + 1, found.arm.n))
             found.nearest(points[0])  # fits and compiles
             for q in points[1:]:
-                begun = time.process_time()
+                begun = time.perf_counter()
                 near = found.nearest(q)
-                seconds.append(time.process_time() - begun)
+                seconds.append(time.perf_counter() - begun)
                 shares.append(near.distance_proven / near.distance)
         share, own = np.array(shares), np.array(seconds)
         print(
