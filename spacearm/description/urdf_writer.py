@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable
 
 import pinocchio as pin
@@ -12,6 +13,9 @@ from lxml.builder import E
 from spacearm.description import shapes
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.tree import Tree
+
+#: Written for no limit on one side: URDF takes a missing one as 0, and readers know no infinity.
+NO_LIMIT = sys.float_info.max
 
 
 def document(tree: Tree, tips: tuple[str, ...]) -> bytes:
@@ -76,13 +80,14 @@ def _inertial(inertial: Inertial) -> etree._Element:
 
 def _joint(joint: Joint) -> etree._Element:
     """Write <joint>; a turning one without limits as "continuous"."""
-    unlimited = math.isinf(joint.lower) and joint.kind in ("revolute", "wheel")
+    limited = joint.kind != "wheel" and min(-joint.lower, joint.upper) < math.inf
+    turns = joint.kind in ("revolute", "wheel")
     element = E.joint(
         E.parent(link=joint.parent),
         E.child(link=joint.child),
         _origin(joint.origin),
         name=joint.name,
-        type="continuous" if unlimited else joint.kind,
+        type="continuous" if turns and not limited else joint.kind,
     )
     if joint.kind == "wheel":
         element.append(E.wheel())
@@ -90,11 +95,12 @@ def _joint(joint: Joint) -> etree._Element:
         element.append(E.home(value=repr(float(joint.home))))
     if joint.kind != "fixed":
         element.append(E.axis(xyz=digits(joint.axis)))
-        names = ("lower", "upper", "effort", "velocity")
-        limits = {name: getattr(joint, name) for name in names}
-        finite = {name: repr(float(x)) for name, x in limits.items() if math.isfinite(x)}
-        if finite:
-            element.append(E.limit(**finite))
+        ends = (max(joint.lower, -NO_LIMIT), min(joint.upper, NO_LIMIT)) if limited else ()
+        limits = dict(zip(("lower", "upper"), ends, strict=False))
+        most = {"effort": joint.effort, "velocity": joint.velocity}
+        limits |= {name: x for name, x in most.items() if math.isfinite(x)}
+        if limits:
+            element.append(E.limit(**{name: repr(float(x)) for name, x in limits.items()}))
         resists = {name: repr(float(getattr(joint, name))) for name in ("damping", "friction")}
         if joint.damping or joint.friction:
             element.append(E.dynamics(**resists))

@@ -205,6 +205,16 @@ def test_unlimited_joints_stay_unlimited():
     assert load_text(robot(*two_links(kind="continuous"))).upper[0] == np.inf
 
 
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+@pytest.mark.parametrize("limits", [(-1.0, np.inf), (-np.inf, 1.0), (0.0, np.inf)])
+def test_limits_on_one_side_stay_on_one_side(kind, limits):
+    inside = '<limit lower="{}" upper="{}"/>'.format(*limits)
+    arm = load_text(robot(*two_links(kind=kind, inside=inside)))
+    again = rewritten(arm)
+    same(arm, again)
+    assert (again.lower[0], again.upper[0]) == limits
+
+
 def test_the_order_of_mounting_does_not_matter():
     a = sa.mount("ur5", sa.mount("z1", SERVICER, at=LEFT, name="left"), at=RIGHT, name="right")
     b = sa.mount("z1", sa.mount("ur5", SERVICER, at=RIGHT, name="right"), at=LEFT, name="left")

@@ -140,6 +140,14 @@ def test_wheels_are_asked_for_with_care():
         sa.load("planar2").at([0, 0], wheels=[1.0])
 
 
+def test_a_joint_with_limits_is_written_as_a_wheel(tmp_path):
+    text = robot(*two_links(), link("rotor"), joint("spin", "bus", "rotor"))
+    arm = load_text(text, tip="arm", wheels=["spin"])
+    again = sa.load(arm.to_urdf(tmp_path / "arm.urdf"))
+    assert [wheel.name for wheel in again.wheels] == ["spin"]
+    np.testing.assert_array_equal(again.at([0.3]).A, arm.at([0.3]).A)
+
+
 def test_wheels_keep_what_they_hold_through_a_grasp():
     """The momentum of both is the sum of the parts about the common CM, wheels included."""
     text = robot(*two_links(), link("rotor"), joint("spin", "bus", "rotor"))
