@@ -85,6 +85,8 @@ MOST_TOLD = 160
 MOST_TRIED = 1000
 #: Kinds that are written as they are, where they are short.
 SHORT = (Real, complex, list, tuple, dict, set, np.ndarray, os.PathLike, types.NoneType)
+#: Code of functions whose `**` are arguments of their own by name, which they do not hand on.
+NAMED = set[types.CodeType]()
 #: What hands on what its users gave.
 FRONT_ENDS = ("spacearm.cli", "spacearm.viewer", "spacearm.sweeps")
 #: What stands between a call and what makes it: `checked`, and constructors in `replace`.
@@ -238,6 +240,7 @@ def checked(thing: F) -> F:
 
 def _function(function: Callable[..., Any]) -> Any:
     """Return a function that checks what users give it."""
+    _name_options(function)
 
     @wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
@@ -253,6 +256,7 @@ def _function(function: Callable[..., Any]) -> Any:
 
 def _method(method: Callable[..., Any], thing: Callable[..., Any]) -> Callable[..., Any]:
     """Return a method that checks what users give it."""
+    _name_options(method)
 
     @wraps(method)
     def call(self: Any, *args: Any, **kwargs: Any) -> Any:
@@ -262,6 +266,27 @@ def _method(method: Callable[..., Any], thing: Callable[..., Any]) -> Callable[.
         return _watched(user, thing, method, (self, *args), kwargs)
 
     return call
+
+
+def _name_options(function: Any) -> None:
+    """Make the keys of a TypedDict in `**options: Unpack[...]` arguments like all others.
+
+    They are None unless given. Signature, annotations, checks and help then show them.
+    """
+    if not function.__code__.co_flags & inspect.CO_VARKEYWORDS:
+        return
+    signature = inspect.signature(function)
+    *parameters, options = signature.parameters.values()
+    if not (unpacked := re.fullmatch(r"Unpack\[(\w+)\]", str(options.annotation))):
+        return
+    kind = function.__globals__[unpacked[1]]
+    key = options.replace(kind=options.KEYWORD_ONLY, default=None)
+    for name, hint in kind.__annotations__.items():
+        parameters.append(key.replace(name=name, annotation=hint.__forward_arg__))
+    function.__signature__ = signature.replace(parameters=parameters)
+    del function.__annotations__[options.name]
+    function.__annotations__ |= get_type_hints(kind)
+    NAMED.add(function.__code__)
 
 
 def _watched(
@@ -290,7 +315,7 @@ def _user(caller: types.FrameType | None) -> str:
         name = caller.f_globals.get("__name__") or "?"
         outside = not name.startswith("spacearm.") or name.startswith(FRONT_ENDS)
         options = caller.f_code.co_flags & inspect.CO_VARKEYWORDS  # which it may hand on
-        if name not in PASSING and (outside or not options):
+        if name not in PASSING and (outside or not options or caller.f_code in NAMED):
             return name if outside else ""
         caller = caller.f_back
     return "?"

@@ -3,6 +3,7 @@
 import inspect
 import json
 import os
+import pydoc
 import re
 import signal
 from collections.abc import Callable, Mapping, Sequence
@@ -131,6 +132,9 @@ def test_what_the_package_gives_itself_is_not_checked(monkeypatch):
     monkeypatch.setattr(signatures, "check", lambda *given: (checks.append(given), check(*given)))
     sa.follow(start, [(1.5, 1.2)])
     assert [thing.__name__ for thing, *_ in checks] == ["follow"]
+    checks.clear()
+    start.arm.replace(lower=[0.0, 1.0], mount=start.arm.mount)
+    assert [thing.__name__ for thing, *_ in checks] == ["replace"]
     with pytest.raises(sa.ConfigurationError, match="seed is 'a'; give a whole number"):
         replace(sa.Search(), seed="a")
 
@@ -138,6 +142,15 @@ def test_what_the_package_gives_itself_is_not_checked(monkeypatch):
 def test_options_that_are_handed_on_are_checked_as_given_by_users():
     with pytest.raises(sa.ConfigurationError, match=r"argument of sa\.workspace 'nonsense'"):
         sa.design.shell_measures(sa.load("planar2"), nonsense=1)
+
+
+def test_keys_of_unpacked_options_are_arguments_like_others():
+    parameters = inspect.signature(sa.SpaceArm.replace).parameters
+    assert [*parameters][-2:] == ["lower", "upper"]
+    assert {parameters[side].kind for side in ("lower", "upper")} == {parameters["tip"].kind}
+    assert "upper: 'ArrayLike | Mapping[str, float] | None' = None" in pydoc.plain(
+        pydoc.render_doc(sa.SpaceArm.replace)
+    )
 
 
 def things(folder):

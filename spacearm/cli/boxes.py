@@ -67,7 +67,7 @@ def find_box(
             progress=progress,
         )
     written = [box.save(save)] if save else []
-    written += [arm.limited(box.ranges).to_urdf(urdf)] if urdf else []
+    written += [arm.replace(lower=box.lower, upper=box.upper).to_urdf(urdf)] if urdf else []
     return Answer(box, written=written)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -360,24 +361,37 @@ class Tree:
         links = {name: None if name in lump else part for name, part in self.links.items()}
         return replace(self, links={**links, self.root: spacecraft})
 
-    def with_ranges(self, ranges: Mapping[str, tuple[float, float]]) -> Tree:
-        """Return the tree with other limits of joints [rad] or [m].
+    def with_limits(
+        self, lower: Mapping[str, float] | None = None, upper: Mapping[str, float] | None = None
+    ) -> Tree:
+        """Return the tree with other limits of joints [rad] or [m]; infinite ones are none.
 
         Raises:
-            ConfigurationError: A joint does not exist or cannot move, or its limits are not two
-                numbers in increasing order.
+            ConfigurationError: A joint does not exist or cannot move, a limit is not a number, or
+                the upper one is below the lower one.
         """
+        lower, upper = lower or {}, upper or {}
         movable = {joint.name: joint for joint in self.movable()}
+        for side, given, none in (("lower", lower, -math.inf), ("upper", upper, math.inf)):
+            for name, end in given.items():
+                require_known("joint", name, movable, f"{side}: ")
+                if not (abs(end) <= LARGEST or end == none):
+                    raise ConfigurationError(
+                        f"{side} of joint {name!r} is {end:g}; give a number up to {LARGEST:g}, or "
+                        f"{none} for no limit"
+                    )
         changed = []
-        for name, (lower, upper) in ranges.items():
-            require_known("joint", name, movable, "ranges: ")
-            if not lower <= upper:
-                raise ConfigurationError(
-                    f"ranges of {name!r} is ({lower}, {upper}); give the least position first"
-                )
+        for name in {**lower, **upper}:
             joint = movable[name]
-            kind = "revolute" if joint.kind == "continuous" else joint.kind
-            changed.append(replace(joint, kind=kind, lower=float(lower), upper=float(upper)))
+            least, most = lower.get(name, joint.lower), upper.get(name, joint.upper)
+            if least > most:
+                raise ConfigurationError(
+                    f"lower and upper of joint {name!r} are {least:g} and {most:g}; give the "
+                    "least position first"
+                )
+            limited = joint.kind == "continuous" and min(-least, most) < math.inf
+            kind = "revolute" if limited else joint.kind
+            changed.append(replace(joint, kind=kind, lower=float(least), upper=float(most)))
         return self.with_joints(*changed)
 
     def with_a_mass(self, link: str) -> Inertial:

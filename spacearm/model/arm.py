@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -24,11 +24,21 @@ from spacearm.description.urdf_writer import document
 from spacearm.errors import ModelError, UnsupportedError, called_from_outside, listed, warn
 from spacearm.files import write
 from spacearm.model.frames import LWA, PoseLike, sound_pose
-from spacearm.model.joints import JointSpace, joint_vector, outside_limits, warn_outside
+from spacearm.model.joints import (
+    JointLimits,
+    JointSpace,
+    by_joint,
+    joint_vector,
+    outside_limits,
+    warn_outside,
+)
 from spacearm.model.task import MovableRows, Task, usual_task, with_length
 from spacearm.model.wheels import Wheel, wheel_table, wheels_of
 from spacearm.results import Cell, Column, Described, Description, Measure, Table, joint_measures
 from spacearm.signatures import checked
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 #: Largest number of movable joints that count.
 MOST_JOINTS = 200
@@ -255,6 +265,7 @@ class SpaceArm(JointSpace, Described):
         joints: Counting | None = None,
         locked: Mapping[str, float] | None = None,
         wheels: Wheels = (),
+        **limits: Unpack[JointLimits],
     ) -> SpaceArm:
         """Return a new arm with some things changed.
 
@@ -274,10 +285,16 @@ class SpaceArm(JointSpace, Described):
             joints: Which joints count besides; see `load`.
             locked: Joints to lock, with their values [rad] or [m]; held ones may be among them.
             wheels: Joints to take as momentum wheels; see `load`.
+            lower: (n,) lower limits of the joints of the new arm [rad] or [m], -inf where there is
+                none; or those of some joints by name, the others keep theirs. Limits of joints that
+                mimic another still count. A home position outside moves to the nearest limit.
+            upper: (n,) upper limits, inf where there is none; or those of some joints by name.
 
         Raises:
-            ModelError: No rigid body can have this mass and inertia, or there is no such link.
-            ConfigurationError: An argument is of the wrong kind, or names what does not exist.
+            ModelError: No rigid body can have this mass and inertia, there is no such link, or a
+                joint has no position within its limits and those of joints that mimic it.
+            ConfigurationError: An argument is of the wrong kind, or names what does not exist; or
+                an upper limit is below the lower one.
             UnsupportedError: The arm has several tips, and `mount` or `payload` need one.
         """
         tree = self.whole
@@ -302,6 +319,8 @@ class SpaceArm(JointSpace, Described):
             task=self._asked if task is None else task,
             joints=remaining(tree, self.joints) if joints is None else joints,
         )
+        if ends := {side: by_joint(changed, given, side) for side, given in limits.items()}:
+            changed = changed.on(changed.whole.with_limits(**ends))
         return changed if self.fault_of_task() == changed.fault_of_task() else changed.warned()
 
     def grasp(
@@ -323,17 +342,6 @@ class SpaceArm(JointSpace, Described):
         I = np.zeros((3, 3)) if inertia is None else inertia
         tree = holding(self.whole, self.tip, Inertial.of(mass, I, com, body="the payload"))
         return self.on(tree)
-
-    def limited(self, ranges: Mapping[str, tuple[float, float]]) -> SpaceArm:
-        """Return the arm with other limits of some joints.
-
-        Args:
-            ranges: Least and largest position [rad] or [m] by joint, as `FreeBox.ranges` has them.
-
-        Raises:
-            ConfigurationError: A joint does not exist, or the least position does not come first.
-        """
-        return self.on(self.whole.with_ranges(ranges))
 
     def with_home(self, positions: Mapping[str, float]) -> SpaceArm:
         """Return the arm with other home positions of some joints.

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypedDict
 
 import numpy as np
 import pinocchio as pin
@@ -96,6 +98,13 @@ class JointSpace:
         return np.hstack((matrix[:, :6], matrix[:, 6:] @ self.coupling))
 
 
+class JointLimits(TypedDict, total=False):
+    """Limits of joints, as keywords of `SpaceArm.replace`; its docstring explains them."""
+
+    lower: ArrayLike | Mapping[str, float] | None
+    upper: ArrayLike | Mapping[str, float] | None
+
+
 def joint_vector(arm: JointSpace, values: ArrayLike, what: str) -> Array:
     """Return a checked copy of one finite number per joint, (n,).
 
@@ -107,12 +116,7 @@ def joint_vector(arm: JointSpace, values: ArrayLike, what: str) -> Array:
     Raises:
         ConfigurationError: It has another shape, or a number is not finite; names the joint.
     """
-    vector = numbers_of(values, what)
-    if vector.shape != (arm.n,):
-        raise ConfigurationError(
-            f"{what} has shape {vector.shape}; {arm.name} needs ({arm.n},), one number for each "
-            f"of: {errors.listed(arm.joint_names)}"
-        )
+    vector = _one_per_joint(arm, values, what)
     sound = np.abs(vector) <= LARGEST
     if not sound.all():
         worst = int(np.flatnonzero(~sound)[0])
@@ -121,6 +125,34 @@ def joint_vector(arm: JointSpace, values: ArrayLike, what: str) -> Array:
             f"number up to {LARGEST:g}"
         )
     return vector
+
+
+def _one_per_joint(arm: JointSpace, values: object, what: str) -> Array:
+    """Return a copy of one number per joint, (n,), finite or not."""
+    vector = numbers_of(values, what)
+    if vector.shape != (arm.n,):
+        raise ConfigurationError(
+            f"{what} has shape {vector.shape}; {arm.name} needs ({arm.n},), one number for each "
+            f"of: {errors.listed(arm.joint_names)}"
+        )
+    return vector
+
+
+def by_joint(arm: JointSpace, values: object, what: str) -> Mapping[str, float]:
+    """Return numbers by joint that are given so, or one for each joint in the order of q.
+
+    Args:
+        arm: The arm.
+        values: What was given; None gives no numbers.
+        what: Name of the argument.
+
+    Raises:
+        ConfigurationError: It is neither.
+    """
+    if values is None or isinstance(values, Mapping):
+        return values or {}
+    numbers = _one_per_joint(arm, values, what)
+    return dict(zip(arm.joint_names, numbers.tolist(), strict=True))
 
 
 def joint_name(arm: JointSpace, text: str) -> str:

@@ -133,7 +133,7 @@ class FreeBox(Result):
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """The ends of each joint's range by its name, as `SpaceArm.limited` takes them."""
+        """The ends of each joint's range by its name."""
         ends = zip(self.lower.tolist(), self.upper.tolist(), strict=True)
         return dict(zip(self.arm.joint_names, ends, strict=True))
 

@@ -5,7 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
-from helpers.arms import LIMIT, joint, link, load_text, random_tree, robot, seeds
+from helpers.arms import LIMIT, joint, link, load_text, random_tree, robot, seeds, two_links
 from hypothesis import given
 from typer.testing import CliRunner
 
@@ -94,6 +94,77 @@ def test_limits_that_leave_nothing_are_refused():
     )  # fmt: skip
     with pytest.raises(sa.ModelError, match=r"'elbow'.*'wrist'.*-10 to -4.*-3 to 3"):
         load_text(text)
+
+
+def test_limits_are_replaced_for_all_joints_or_for_some():
+    arm = sa.load("planar3")
+    some = arm.replace(lower={"joint_2": 0.1}, upper={"joint_3": 1})
+    np.testing.assert_array_equal(some.lower, [arm.lower[0], 0.1, arm.lower[2]])
+    np.testing.assert_array_equal(some.upper, [*arm.upper[:2], 1.0])
+    np.testing.assert_array_equal(some.home, [0.0, 0.1, 0.0])
+    all_ = some.replace(upper=(0.2, np.inf, 0.3), lower=None)
+    np.testing.assert_array_equal(all_.lower, some.lower)
+    np.testing.assert_array_equal(all_.upper, [0.2, np.inf, 0.3])
+    np.testing.assert_array_equal(arm.replace(lower=arm.lower, upper={}).lower, arm.lower)
+    assert (all_.task, all_.tips, all_.joint_names) == (arm.task, arm.tips, arm.joint_names)
+
+
+def test_replaced_limits_are_those_of_the_joints_of_the_new_arm():
+    arm = sa.load("mda6", task="position")
+    other = arm.replace(
+        lower=[-0.1, -0.2, -0.3, -0.4], upper=np.arange(1, 5), locked={"joint_2": 0.5}, tip="link_5"
+    )
+    assert other.joint_names == ("joint_1", "joint_3", "joint_4", "joint_5")
+    np.testing.assert_array_equal(other.lower, [-0.1, -0.2, -0.3, -0.4])
+    np.testing.assert_array_equal(other.upper, [1.0, 2.0, 3.0, 4.0])
+    assert (other.task.names, other.whole.joints["joint_2"].locked[1]) == ("position", 0.5)
+
+
+@given(seeds)
+def test_limits_that_are_replaced_by_themselves_stay(seed):
+    """Those of joints that mimic another among them, and of joints that turn without end."""
+    arm = load_text(random_tree(seed, 6), tip="link_6", task="x", joints="all")
+    for kept in (arm.replace(lower=arm.lower, upper=arm.upper), arm.replace(upper=arm.upper)):
+        np.testing.assert_array_equal(kept.lower, arm.lower)
+        np.testing.assert_array_equal(kept.upper, arm.upper)
+        for name in np.array(arm.joint_names)[np.isinf(arm.lower)]:
+            assert kept.tree.joints[name].kind == arm.tree.joints[name].kind
+
+
+def test_joints_that_mimic_another_keep_limits_of_their_own(geared):
+    wide = geared.replace(lower=[-3.0, -3.0], upper=[3.0, 3.0])
+    np.testing.assert_array_equal(wide.upper, [3.0, 0.5])
+    wider = geared.replace(upper={"joint_2": 3.0, "joint_3": 4.0})
+    assert wider.upper[1] == 2.0
+    with pytest.raises(sa.ModelError, match="'joint_2' has no position within limits"):
+        geared.replace(lower={"joint_2": 0.7})
+
+
+def test_held_joints_take_limits_by_name():
+    panel = (link("panel"), joint("wing", "bus", "panel"))
+    arm = load_text(robot(*two_links(), *panel), tip="arm")
+    assert arm.replace(lower={"wing": 0.4}).held == {"wing": 0.4}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"lower": [0.0]}, r"lower has shape \(1,\); planar2 needs \(2,\).*joint_1, joint_2"),
+        ({"upper": 1.0}, r"upper has shape \(\); planar2 needs \(2,\)"),
+        ({"upper": [0.0, np.nan]}, "upper of joint 'joint_2' is nan; .* or inf for no limit"),
+        ({"lower": {"joint_1": np.nan}}, "lower of joint 'joint_1' is nan; give a number"),
+        ({"lower": [0.0, np.inf]}, "lower of joint 'joint_2' is inf; .* or -inf for no limit"),
+        ({"lower": {"joint_3": 0.0}}, "lower: unknown joint 'joint_3'; valid.*: joint_"),
+        ({"lower": [1, 0], "upper": [0, 1]}, "'joint_1' are 1 and 0; give the least position fir"),
+        ({"lower": {"joint_1": 9.0}}, "'joint_1' are 9 and 3.14159; give the least position first"),
+        ({"lower": {"joint_1": "low"}}, r"replace: lower is .*give numbers or a mapping \{name"),
+        ({"lower": "low"}, "lower is 'low'; give numbers"),
+        ({"lwoer": [0.0, 0.0]}, "unknown argument of sa.SpaceArm.replace 'lwoer'; .*: lower, "),
+    ],
+)
+def test_limits_that_make_no_sense_are_refused(change, message):
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.load("planar2").replace(**change)
 
 
 def test_degrees_taken_for_radians_are_warned_of_once_a_line():

@@ -62,7 +62,7 @@ def test_the_answer_yes_comes_with_a_path_that_is_proven(arm):
 def test_within_limits_postures_of_one_sign_are_apart_where_no_way_leads_round_the_set(monkeypatch):
     """As the points of a fine grid that have this sign are."""
     monkeypatch.setattr(relaxations, "TIME", 0.1)
-    arm = sa.load("planar2").limited({"joint_1": (-2.5, 2.0), "joint_2": (-2.5, 5.0)})
+    arm = sa.load("planar2").replace(lower=[-2.5, -2.5], upper=[2.0, 5.0])
     ticks = [np.linspace(*ends, 401) for ends in zip(arm.lower, arm.upper, strict=True)]
     Q = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1)
     S = singularity_polynomial(arm)(Q.reshape(-1, 2)).reshape(401, 401)

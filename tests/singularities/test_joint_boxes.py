@@ -193,13 +193,20 @@ def test_the_files_hold_the_ranges(tmp_path):
     box = sa.free_box(arm.at([0.3, 1.2]))
     written = tomllib.loads(box.save(tmp_path / "box.toml").read_text())
     assert {name: tuple(ends) for name, ends in written["ranges"].items()} == box.ranges
-    limited = sa.load(arm.limited(box.ranges).to_urdf(tmp_path / "limited.urdf"))
-    np.testing.assert_allclose(limited.lower, box.lower, atol=1e-12)
-    np.testing.assert_allclose(limited.upper, box.upper, atol=1e-12)
-    with pytest.raises(sa.ConfigurationError, match="unknown joint"):
-        arm.limited({"elbow": (0.0, 1.0)})
-    with pytest.raises(sa.ConfigurationError, match="least position first"):
-        arm.limited({arm.joint_names[0]: (1.0, 0.0)})
+
+
+@pytest.mark.parametrize("within", [None, ([-np.inf, 0.5], [np.inf, np.inf])])
+def test_a_box_holds_what_is_within_the_limits_that_it_becomes(within, tmp_path):
+    arm = sa.load("planar2")
+    box = sa.free_box(arm.at([0.3, 1.2]), within=within)
+    limited = arm.replace(lower=box.lower, upper=box.upper)
+    Q = inside(box, chosen(0), 500) + chosen(1).normal(scale=0.1, size=(500, 2))
+    held = [box.contains(q) for q in Q]
+    assert 0 < sum(held) < 500
+    for other in (limited, sa.load(limited.to_urdf(tmp_path / "limited.urdf"))):
+        np.testing.assert_array_equal(other.lower, box.lower)
+        np.testing.assert_array_equal(other.upper, box.upper)
+        assert ((other.lower <= Q) & (other.upper >= Q)).all(axis=1).tolist() == held
 
 
 @pytest.mark.parametrize(

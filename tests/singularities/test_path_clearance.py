@@ -101,9 +101,7 @@ def test_only_what_is_within_the_limits_counts():
     arm = sa.load("planar2")
     q = np.radians([-65.0, 60.0])
     radius = 1.2 * sa.singular_set(arm).nearest(q).distance
-    narrow = arm.limited(
-        {name: (x - 0.05, x + 0.05) for name, x in zip(arm.joint_names, q, strict=True)}
-    )
+    narrow = arm.replace(lower=q - 0.05, upper=q + 0.05)
     found = sa.singular_set(narrow)
     assert not found.is_free(q, q, clearance=radius)
     assert found.is_free(q, q, clearance=radius, limits=True)

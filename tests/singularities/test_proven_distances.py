@@ -26,7 +26,7 @@ def contradictions(arm, q, near, mode, rng, starts=40):
 
 
 def test_where_nothing_within_the_limits_is_singular_that_is_proven():
-    arm = sa.load("planar3").limited({"joint_2": (0.4, 2.6)})
+    arm = sa.load("planar3").replace(lower={"joint_2": 0.4}, upper={"joint_2": 2.6})
     with pytest.raises(sa.NoSolutionError, match="limits is singular: proven"):
         sa.singular_set(arm).nearest([0.1, 1.0, 0.3], limits=True)
     assert sa.singular_set(arm).nearest([0.1, 1.0, 0.3]).q[1] < 0.4
@@ -105,7 +105,7 @@ def test_a_distance_to_first_order_says_so_and_proves_nothing():
 
 def test_the_limits_are_kept_and_leave_more_room():
     arm = sa.load("servicer_ur5")
-    arm = arm.limited(dict.fromkeys(arm.joint_names, (-0.5, 0.5)))
+    arm = arm.replace(lower=np.full(6, -0.5), upper=np.full(6, 0.5))
     q = np.full(6, 0.2)
     found = sa.singular_set(arm)
     free, kept = found.nearest(q), found.nearest(q, limits=True)
