@@ -141,10 +141,11 @@ def _described(
     said, notes, tables = proof.describe(), [payload_note(arm, mode)], []
     verdict = said.verdict
     if proof.clearance:
-        verdict = f"no singular posture within {angle(proof.clearance, down=True)}: proven"
+        within = f"no singular posture within {angle(proof.clearance, down=True)}: proven"
+        verdict = f"{within}; {verdict}" if proof.verdict == "near" else within
     if proof.at is not None:
         first = 1 + (proof.segment or 0)
-        about = "near" if proof.clearance else "on"
+        about = "singular, near" if proof.verdict == "near" else "near" if proof.clearance else "on"
         way = f"{about} the way from posture {first} to {first + 1}"
         at = joint_measures(proof.at, arm.slides)
         tables.append(Table.by_columns({"joint": arm.joint_names, way: at}))

@@ -115,11 +115,12 @@ REFINEMENTS, CLOSE = 20, 1e-6
 #: Parts of a path in which progress is reported.
 WHOLE = 1000
 
-Verdict = Literal["free", "singular", "undecided"]
+Verdict = Literal["free", "singular", "near", "undecided"]
 #: What the verdicts mean.
 WORDS: dict[Verdict, str] = {
     "free": "meets no singularity: proven",
     "singular": "meets a singularity",
+    "near": "a singular posture is nearer than the clearance asked for",
     "undecided": "comes too near to a singularity for a proof",
 }
 
@@ -129,18 +130,20 @@ class Certificate(Result):
 
     Attributes:
         free: Whether no singular configuration lies on it: proven, rounding included.
-        at: (n,) the first configuration on it that is not free; None if the path is free.
+        at: (n,) the first configuration on it that is not free, or the singular one beside it of
+            "near"; None if the path is free.
         segment: Number of the segment that holds it; None if the path is free.
         margin: Least |S| met on the path, over the scale of S; with several minors the largest of
             these.
-        verdict: "free"; "singular": S changes sign at `at`, proven; "undecided": at `at` S, or
-            every minor, is less than its rounding error. On paths of some 10,000 rad it is also
-            "undecided" if more than 50,000 pieces were still open.
+        verdict: "free"; "singular": S changes sign at `at`, proven; "near": the path is free, but
+            `at` beside it is singular and nearer than the clearance asked for; "undecided": at
+            `at` S, or every minor, is less than its rounding error. On paths of some 10,000 rad it
+            is also "undecided" if more than 50,000 pieces were still open.
         noise: Bound of the rounding of S that the proof counts with, over the scale of S.
         clearance: No singular configuration is nearer to the path than this [rad], proven; 0 where
-            no clearance was asked for. Where less is proven than was asked for, `free` is False,
-            `verdict` is "undecided", and `at` is a configuration within the clearance asked for
-            about which nothing is proven.
+            no clearance was asked for. Where less is proven than was asked for, `free` is False
+            and `verdict` "near"; or it is "undecided", and `at` a configuration within the
+            clearance asked for about which nothing is proven.
     """
 
     free: bool

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
@@ -106,7 +107,8 @@ def prove_clear(
     """Prove that no singular configuration is nearer to a way in joint space than a clearance.
 
     About it lie tubes, which are divided into boxes until in each of them minors of J* have no
-    common root (`polynomial.free_regions`).
+    common root (`polynomial.free_regions`). Where the first boxes do not do, the nearest singular
+    configuration is looked for.
 
     Args:
         arm: The arm.
@@ -119,7 +121,7 @@ def prove_clear(
 
     Returns:
         The certificate. Its `clearance` is what is proven: where it is less than asked for, up to
-        the first configuration that is not proven, or as far as the boxes went.
+        a singular configuration beside the way, or as far as the boxes went.
 
     Raises:
         ConfigurationError: The clearance is not a number from 0 on.
@@ -140,25 +142,33 @@ def prove_clear(
     if limits:
         ends = np.maximum(ends[0], arm.lower / unit), np.minimum(ends[1], arm.upper / unit)
     roots = Region(minors, np.zeros(arm.n), unit, *ends)
-    most = boxes = MANY * most_boxes(minors)
-    proof, proven = None, 0.0
-    for chord in (CHORD * at_least, 0.0):  # chords that are the way itself tell the most
+    each = most_boxes(minors)
+    most = boxes = MANY * each
+    noise = max(minor.noise() / minor.scale for minor in minors)
+    proven = 0.0
 
-        def tried(m: int) -> None:
-            nonlocal boxes
-            boxes -= m
-            if progress:
-                progress(WHOLE * (most - boxes) // most, WHOLE)
+    def tried(m: int) -> None:
+        nonlocal boxes
+        boxes -= m
+        if progress:
+            progress(WHOLE * (most - boxes) // most, WHOLE)
 
-        proof = prove(roots, Tubes.about(points, at_least, chord), boxes, tried)
+    # chords that are the way itself tell the most
+    for chord, kept in ((CHORD * at_least, most - each), (CHORD * at_least, 0), (0.0, 0)):
+        if boxes <= kept:
+            break
+        proof = prove(roots, Tubes.about(points, at_least, chord), boxes - kept, tried)
         proven = max(proven, proof.radius)
         if not len(proof.open):
-            break
-    noise = max(minor.noise() / minor.scale for minor in minors)
-    if proof is None or not len(proof.open):
-        return Certificate(True, None, None, 0.0, "free", noise, at_least)
-    at = proof.open[0]
-    return Certificate(False, unit * at, foot(points, at)[1], 0.0, "undecided", noise, proven)
+            return Certificate(True, None, None, 0.0, "free", noise, at_least)
+        with suppress(NoSolutionError):
+            if kept and at_least:
+                near = nearest_singular(arm, mode, way, limits, minors)
+                if near.distance < at_least:
+                    proven, at = max(proven, near.distance_proven), foot(points, near.q / unit)[1]
+                    return Certificate(False, near.q, at, 0.0, "near", noise, proven)
+    at, segment = proof.open[0], foot(points, proof.open[0])[1]
+    return Certificate(False, unit * at, segment, 0.0, "undecided", noise, proven)
 
 
 class Way(Protocol):

@@ -30,7 +30,7 @@ from spacearm.model.joints import joint_scales
 from spacearm.polynomial.free_regions import Roots, prove
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.newton import shortened
-from spacearm.polynomial.tubes import Tubes, deviations, foot
+from spacearm.polynomial.tubes import ROUNDING, Tubes, deviations, foot
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.singularities.immaterial_masses import payload_note
 
@@ -143,7 +143,7 @@ def angle(value: float, down: bool = False) -> str:
     degrees = float(np.degrees(value))
     if down and degrees:
         unit = 10.0 ** (np.floor(np.log10(degrees)) - 2)
-        degrees = float(np.floor(degrees / unit) * unit)
+        degrees = float(np.floor(degrees / unit * (1.0 + ROUNDING)) * unit)
     return f"{degrees:.3g}°"
 
 

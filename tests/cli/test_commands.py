@@ -70,7 +70,12 @@ def test_path_proves_a_clearance_as_far_as_it_holds(tmp_path):
     assert less["free"] is False
     Q = np.radians([[-65.0, 60.0], [-60.0, 62.0]])
     nearest = min(sa.singular_set(sa.load("planar2")).nearest(q).distance for q in Q)
-    assert 0.0 < less["clearance"] <= nearest
+    assert less["verdict"] == "near"
+    assert 0.9 * nearest < less["clearance"] <= nearest
+    assert abs(sa.singularity_polynomial(sa.load("planar2"))(np.array(less["at"]))) < 1e-9
+    assert (
+        "a singular posture is nearer than the clearance asked for" in spacearm(*asked, 170).stdout
+    )
 
 
 def test_path_takes_saved_motions_and_refuses_other_files(tmp_path):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import spacearm as sa
 from spacearm.model.joints import joint_scales
-from spacearm.singularities.nearest import lose_rank
+from spacearm.singularities.nearest import is_singular, lose_rank
 
 TASKS = {2: "x y", 3: "position", 4: "position"}
 
@@ -55,9 +55,10 @@ def test_a_path_is_clear_up_to_its_distance_and_never_beyond(name):
         assert proof.clearance == 0.8 * nearest
         beyond = found.clearance(rows, at_least=1.1 * nearest)
         assert not beyond.free
-        assert beyond.verdict == "undecided"
-        assert beyond.clearance <= nearest * (1.0 + 1e-9)
-        assert distance_to(rows, beyond.at, 1.0) <= 1.1 * nearest * np.sqrt(arm.n)
+        assert beyond.verdict == "near"
+        assert 0.8 * nearest <= beyond.clearance <= nearest * (1.0 + 1e-9)
+        assert distance_to(rows, beyond.at, 1.0) <= 1.1 * nearest
+        assert is_singular(arm, beyond.at, "free-floating")
 
 
 @settings(max_examples=15)
