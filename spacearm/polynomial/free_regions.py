@@ -1,4 +1,4 @@
-"""Proof that polynomials have no common root in a region: a box, a ball, or a ball along a curve.
+"""Proof that polynomials have no common root in a region: a box, or near a point, a curve or a box.
 
 Let m_i be the polynomials and u(x) <= 0 in the region, for a ball u = |x|^2 - r^2. Where all m_i
 vanish in it
@@ -19,7 +19,7 @@ away. Boxes there are wide beside the gap between ball and root, and few suffice
 is halved, nearest to the middle first, so that what is proven when a budget ends is a region of the
 same kind. Without u a box is proven as such.
 
-In a region with u the smallest polynomials are tried first; in a box as such, where no u takes the
+In a region with u the smallest polynomials are tried first; in boxes as such, where no u takes the
 slope away, one of them and the largest. All are tried where these do not do.
 
 Rounding is counted as in `certificate`.
@@ -246,8 +246,8 @@ class Region(Protocol):
     def values(self, X: Array) -> Array:
         """Compute what changes its sign, (m,) at x (m, n)."""
 
-    def tried(self, centre: Array, half: Array, age: Integers) -> Trial:
-        """Tell which boxes (m, n) are free.
+    def tried(self, centre: Array, half: Array, age: Integers, inside: Form | None = None) -> Trial:
+        """Tell which boxes (m, n) are free where `inside` is not positive.
 
         What is kept of a box while it is halved is its age (m,), zero at first.
         """
@@ -355,9 +355,10 @@ class Roots:
             centre: As of `free`.
             half: As of `free`.
             age: (m,) how often boxes were halved since all polynomials were tried; written to.
-            inside: As of `free`.
+            inside: As of `free`; boxes in which it has no slope count as a whole.
         """
-        small = self.varied if inside is None else self.small
+        whole = inside is None or bool(2 * inside.slope.any(axis=1).sum() < len(age))  # most do
+        small = self.varied if whole else self.small
         own = small.expanded(centre, half)
         free, taken = small.judged(own, half, inside)
         age += 1
@@ -366,7 +367,7 @@ class Roots:
         nothing = np.zeros(len(age)), np.zeros(half.shape)
         if small is self:
             return Trial(free, taken, len(age), *nothing)
-        again = np.flatnonzero(~free & (age > (LATER if inside is None else PATIENCE)))
+        again = np.flatnonzero(~free & (age > (LATER if whole else PATIENCE)))
         if len(again):
             part = None if inside is None else Form(*(numbers[again] for numbers in inside))
             free[again], taken[again] = self.free(centre[again], half[again], part)

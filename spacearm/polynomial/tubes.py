@@ -95,6 +95,27 @@ class Form(NamedTuple):
     noise: Array
 
 
+def about_box(centre: Array, half: Array, low: Array, high: Array, radius: float) -> Form:
+    """Expand what is not positive within a radius of the box from low to high, at m centres.
+
+    The square of the distance, of the coordinates in which all of a small box is beyond the other,
+    less that of the radius.
+
+    Args:
+        centre: (m, n) centres of the small boxes.
+        half: (m, n) their half widths.
+        low: (n,) lower corner.
+        high: (n,) upper corner.
+        radius: The radius.
+    """
+    below, above = centre + half <= low, centre - half >= high
+    edge, beyond, n = np.where(below, low, high), below | above, centre.shape[1]
+    x = np.where(beyond, centre - edge, 0.0)
+    square = (x**2).sum(axis=1)
+    noise = 32.0 * n * EPS * (square + radius**2 + (centre**2 + edge**2).sum(axis=1))
+    return Form(square - radius**2, 2.0 * x, 2.0 * beyond[:, :, None] * np.eye(n), noise)
+
+
 @dataclass(frozen=True, eq=False)
 class Tubes:
     """All points no farther than a radius from a curve.

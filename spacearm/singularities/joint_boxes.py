@@ -35,7 +35,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_scales
 from spacearm.polynomial.free_regions import Region, Roots, halved, shrunk
 from spacearm.polynomial.newton import shortened
-from spacearm.polynomial.tubes import ROUNDING
+from spacearm.polynomial.tubes import ROUNDING, about_box
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import payload_note
@@ -554,7 +554,8 @@ class Growth:
             order = np.argsort(cells[3], kind="stable")
             centre, half, age, begin = (part[order[:BATCH]] for part in cells)
             later = [part[order[BATCH:]] for part in cells]
-            trial = self.region.tried(centre, half, age)
+            inside = about_box(centre, half, low, high, c) if (c := self.clearance) else None
+            trial = self.region.tried(centre, half, age, inside)
             looked, self.cells = looked + trial.work, self.cells + trial.work
             if self.progress:
                 self.progress(min(self.cells, self.effort.cells), self.effort.cells)

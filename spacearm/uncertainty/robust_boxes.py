@@ -30,6 +30,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.free_regions import Trial
 from spacearm.polynomial.jets import Jets, stacked
 from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.polynomial.tubes import Form
 from spacearm.polynomial.univariate import Complex
 from spacearm.signatures import checked
 from spacearm.singularities.joint_boxes import Effort, FreeBox, Postures, grown
@@ -233,7 +234,7 @@ class Family:
         value = determinants(self.matrix(X))
         return np.where(np.abs(value) > SURE, value, 0.0)
 
-    def tried(self, centre: Array, half: Array, _: Integers) -> Trial:
+    def tried(self, centre: Array, half: Array, _: Integers, __: Form | None = None) -> Trial:
         """Tell in which boxes no arm is singular, rounding included.
 
         Args:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from spacearm.polynomial.free_regions import Roots, prove
 from spacearm.polynomial.jets import Chart, Jets, derivatives
 from spacearm.polynomial.trig import TrigPolynomial
-from spacearm.polynomial.tubes import Tubes, straight
+from spacearm.polynomial.tubes import Tubes, about_box, straight
 
 MOST = 20_000
 
@@ -61,6 +61,22 @@ def test_a_tube_is_free_up_to_the_root_nearest_to_the_segment(at, length, seed):
     wanted = min(0.95 * distance, 1.0)
     assert prove(roots, tube(step, wanted), MOST).radius == wanted
     assert prove(roots, tube(step, 1.05 * distance), 500).radius <= distance * (1 + 1e-9)
+
+
+@given(st.integers(1, 4), st.floats(0.01, 1.0), st.integers(0, 2**32 - 1))
+def test_what_is_near_a_box_is_where_its_form_is_not_positive(n, radius, seed):
+    rng, m = np.random.default_rng(seed), 50
+    low, high = np.sort(rng.uniform(-1.0, 1.0, (2, n)), axis=0)
+    centre, half = rng.uniform(-1.5, 1.5, (m, n)), rng.uniform(0.0, 0.4, (m, n))
+    form = about_box(centre, half, low, high, radius)
+    x = half * rng.uniform(-1.0, 1.0, (m, n))
+    u = form.value + (form.slope * x).sum(axis=1) + 0.5 * np.einsum("mi,mij,mj->m", x, form.bend, x)
+    beyond = np.maximum(np.maximum(low - centre - x, centre + x - high), 0.0)
+    exact = (beyond**2).sum(axis=1) - radius**2
+    assert (u <= exact + form.noise).all()
+    clean = ((centre - half >= high) | (centre + half <= low) | (np.abs(beyond) == 0.0)).all(axis=1)
+    sided = clean & ((centre + half <= high) & (centre - half >= low) | (beyond > 0.0)).all(axis=1)
+    assert np.abs(u - exact)[sided] == pytest.approx(0.0, abs=form.noise.max())
 
 
 def test_what_a_segment_moves_and_roots_do_not_depend_on_adds_no_distance():

@@ -8,6 +8,7 @@ from helpers.arms import chosen, load_text, random_chain
 import spacearm as sa
 from spacearm.polynomial.free_regions import Trial
 from spacearm.singularities import joint_boxes
+from spacearm.singularities.nearest import is_singular
 
 
 def inside(box, rng, m=4000):
@@ -112,7 +113,7 @@ def test_what_is_proven_of_a_slab_counts_where_its_effort_ends(side):
         def values(self, X):
             return np.zeros(len(X))
 
-        def tried(self, centre, half, _):
+        def tried(self, centre, half, *_):
             beyond = (np.sign(end) * centre + half)[:, 2] > 0.9
             free = (half.max(axis=1) < 0.1) & ~beyond
             return Trial(free, half, len(free), np.zeros(len(free)), np.zeros(half.shape))
@@ -140,6 +141,22 @@ def test_named_joints_are_at_least_as_wide_as_in_any_order():
     first = sa.free_box(cfg, joints=["joint_1"])
     width = first.upper - first.lower
     assert width[0] >= (sa.free_box(cfg).upper - sa.free_box(cfg).lower)[0] - 1e-9
+
+
+def test_sides_with_a_clearance_stop_at_singular_postures_as_near_as_that():
+    arm, clearance = sa.load("servicer_ur5"), 0.05
+    limits = np.clip((arm.lower, arm.upper), -np.pi, np.pi)
+    drawn = np.random.default_rng(0).uniform(*limits, (20, arm.n))
+    q = next(q for q in drawn if sa.singular_set(arm).nearest(q).distance > 3 * clearance)
+    box = sa.free_box(arm.at(q), clearance=clearance)
+    assert not any(stop.why == "undecided" for stop in box.stops)
+    stopped = [stop for stop in box.stops if stop.why == "singular"]
+    assert stopped
+    for stop in stopped:
+        assert is_singular(arm, stop.at, "free-floating")
+        beyond = np.maximum(np.maximum(box.lower - stop.at, stop.at - box.upper), 0.0)
+        width = (box.upper - box.lower)[arm.joint_names.index(stop.joint)]
+        assert clearance < np.linalg.norm(beyond) < clearance + 0.01 * width
 
 
 @pytest.mark.parametrize("seed", [3, 4, 6])
