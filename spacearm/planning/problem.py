@@ -38,7 +38,7 @@ from spacearm.singularities.nearest import NearestSearch, angle, nearest_locally
 from spacearm.singularities.polynomials import proving_minors
 from spacearm.singularities.report import NO_INVERSE, TOLERANCE
 from spacearm.singularities.sets import prove_regular, prove_way
-from spacearm.singularities.sides import dividable, on_the_other_side, parted
+from spacearm.singularities.sides import dividable, on_the_other_side, parted, separated
 
 #: The configurations along a motion, which is straight in joint space between them.
 Rows: TypeAlias = Sequence[Configuration]
@@ -130,8 +130,10 @@ class Problem:
     @cached_property
     def _apart(self) -> str:
         """Why the goal is on the other side of the singular set; empty if that is not proven."""
-        tip, target = self.target.tip, self.target
-        if tip is None or self.request.held or not dividable(self.start.arm):
+        tip, target, arm = self.target.tip, self.target, self.start.arm
+        if target.q is not None and not self.request.held:
+            return separated(self.start, arm.at(target.q), self.request.constraints.limits)
+        if tip is None or self.request.held or not dividable(arm):
             return ""
         account = SearchAccount(SIDE_TIME)
         finder = GuessFinder(self.start, target, WAVES, np.random.default_rng(0), account)

@@ -74,6 +74,9 @@ def test_within_limits_postures_of_one_sign_are_apart_where_no_way_leads_round_t
         answer = sa.connected(arm.at(Q[a]), arm.at(Q[b]), search=FEW)
         assert answer.answer == ("yes" if joined else "no")
         assert ("proven by boxes" in answer.reason) == (one_sign and not joined)
+        if one_sign and not joined and not apart:
+            with pytest.raises(sa.ImpossibleError, match="impossible, proven: det J"):
+                sa.plan(arm.at(Q[a]), sa.Joints(Q[b]), search=FEW)
         apart += one_sign and not joined
     assert apart
 
