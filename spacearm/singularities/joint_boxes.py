@@ -35,7 +35,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_scales
 from spacearm.polynomial.free_regions import Region, Roots, halved, shrunk
 from spacearm.polynomial.newton import shortened
-from spacearm.polynomial.tubes import ROUNDING, about_box
+from spacearm.polynomial.tubes import EPS, ROUNDING, about_box
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import payload_note
@@ -138,10 +138,7 @@ class FreeBox(Result):
         return dict(zip(self.arm.joint_names, ends, strict=True))
 
     def contains(self, postures: Postures | ArrayLike) -> bool:
-        """Check whether all joint positions are within the box.
-
-        For a motion its samples are checked; the straight lines between them are then in the box
-        too.
+        """Check whether joint positions are in the box, of a motion also those between its rows.
 
         Args:
             postures: A configuration, a motion, or (n,) or (m, n) joint positions.
@@ -149,12 +146,12 @@ class FreeBox(Result):
         Raises:
             ConfigurationError: They have another shape.
         """
-        q = numbers_of(getattr(postures, "q", postures), "postures")
-        if q.ndim not in (1, 2) or q.shape[-1] != self.arm.n:
-            raise ConfigurationError(
-                f"joint positions have shape {q.shape}; give ({self.arm.n},) or (m, {self.arm.n})"
-            )
-        return bool(((q >= self.lower) & (q <= self.upper)).all())
+        way = getattr(postures, "control_points", getattr(postures, "q", postures))
+        q = numbers_of(way, "postures")
+        if not q.ndim or q.shape[-1] != self.arm.n:
+            raise ConfigurationError(f"postures has shape {q.shape}; give (m, {self.arm.n})")
+        beyond = np.maximum(self.lower - q, q - self.upper)  # the proof reaches a little farther
+        return bool((beyond <= 8.0 * EPS * (1.0 + np.abs(q))).all())
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the box as a TOML file, in radians and metres.
@@ -314,6 +311,8 @@ def grown(
     named = [arm.joint_names.index(joint_name(arm, name)) for name in joints]
     widths = None if at_least is None else positive(at_least, "at_least", "width [rad]")
     ends = np.array(range_allowed(arm, rows, within))
+    way: Array = getattr(about, "control_points", rows)
+    rows = np.clip(way.reshape(-1, arm.n), ends[0], ends[1])
     growth = Growth(region, arm, mode, rows, ends, clearance, progress, effort)
     growth.start()
     if widths is not None:

@@ -1,5 +1,8 @@
 """Free boxes against the zero set itself, postures at random, and the files they are written to."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import tomllib
@@ -188,6 +191,18 @@ def test_a_box_holds_the_whole_motion():
     box = sa.free_box(motion)
     assert box.contains(motion)
     assert not box.contains(motion.q + 3.0)
+
+
+def test_a_motion_is_in_a_box_with_all_that_lies_between_its_rows():
+    arm = sa.load("planar2")
+    plan = sa.plan(arm.at([0.3, 1.2]), sa.Joints([0.6, 1.6]))
+    box = sa.free_box(plan)
+    assert box.contains(plan)
+    bent = plan.control_points + 0.05 * np.sin(np.arange(plan.control_points.shape[1]))[:, None]
+    bulged = SimpleNamespace(arm=arm, q=plan.q, control_points=bent)
+    rows = replace(box, lower=plan.q.min(axis=0), upper=plan.q.max(axis=0))
+    assert rows.contains(plan.q)
+    assert not rows.contains(bulged)
 
 
 def test_a_width_that_cannot_be_is_refused_with_the_box_that_there_is():
