@@ -97,12 +97,10 @@ class FreeBoxes(Result):
 
     @cached_property
     def volumes(self) -> Array:
-        """(b,) shares of the volume of the range."""
-        low, high = self.cells.low, self.cells.high
-        size = high[0] - low[0]
-        return np.asarray(
-            ((self.upper - self.lower) / np.where(size > 0.0, size, 1.0)).prod(axis=1)
-        )
+        """(b,) shares of the volume of the range, of joints that cannot move left out."""
+        width, size = self.upper - self.lower, self.cells.high[0] - self.cells.low[0]
+        shares = np.divide(width, size, out=np.ones_like(width), where=size > 0.0)
+        return np.asarray(shares.prod(axis=1))
 
     @property
     def share(self) -> float:
@@ -410,12 +408,13 @@ def _covered(
     """
     origin = 0.5 * (cells.low[0] + cells.high[0])
     roots = Roots(minors, origin, unit, *((c[0] - origin) / unit for c in cells[:2]))
-    size = np.where(cells.high[0] > cells.low[0], cells.high[0] - cells.low[0], 1.0)
+    size = cells.high[0] - cells.low[0]
     count = len(cells.low)
     low, high, child, free = _with_room(cells, max(most - count, 0))
 
     def volume(at: Integers) -> Array:
-        return np.asarray(np.where(roots.relevant, (high[at] - low[at]) / size, 1.0).prod(axis=1))
+        width, counts = high[at] - low[at], roots.relevant & (size > 0.0)
+        return np.divide(width, size, out=np.ones_like(width), where=counts).prod(axis=1)
 
     done = float(volume(np.flatnonzero(cells.free)).sum())
     new = np.flatnonzero((cells.child < 0) & ~cells.free)

@@ -547,7 +547,12 @@ def _minors(same: SameSet) -> Minors:
     probes = own.draw(rng, PROBES)
     size = np.abs(minor_sampler(arm, every, mode)(probes)).max(axis=0)
     some = every[size > ABSENT * size.max()]
-    degrees = degrees_of(_of_angles(arm, mode, own, some), n, HIGHEST, rng)
+    try:
+        degrees = degrees_of(_of_angles(arm, mode, own, some), n, HIGHEST, rng)
+    except UnsupportedError as error:
+        remedy = "set nearer limits of sliding joints with arm.replace(lower=, upper=)"
+        more = f"; {remedy}" * bool(arm.slides.any())
+        raise UnsupportedError(f"{arm.name}: minors of J*: {error}{more}") from None
     each = zip(some.tolist(), degrees.T.tolist(), strict=True)
     return Minors(arm, mode, own, {tuple(C): tuple(d) for C, d in each})
 
@@ -581,7 +586,8 @@ def minors_for_proofs(arm: SpaceArm, mode: BaseMode) -> list[Jets]:
     if not minors:
         raise UnsupportedError(
             f"{arm.name}: J* has no minors that a proof could use, as with joints that mimic "
-            "others, or too many of them; lock joints"
+            "others, too many of them, or slides far beyond the arm's length; lock joints, or set "
+            "nearer limits of sliding ones with arm.replace(lower=, upper=)"
         )
     return minors
 

@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.errors import NoSolutionError
+from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.mechanics.floating import reactions
 from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import Configuration, SpaceArm
@@ -72,7 +72,10 @@ def separated(start: Configuration, goal: Configuration, limits: bool) -> str:
     within = np.array((arm.lower, arm.upper) if limits else np.full(arm.n, np.inf) * [[-1], [1]])
     if not few or not np.isfinite(within[:, arm.slides]).all() or not proven_sign(start):
         return ""
-    boxes = free_boxes(arm, within=(within[0], within[1]), most=MOST_BOXES)
+    try:
+        boxes = free_boxes(arm, within=(within[0], within[1]), most=MOST_BOXES)
+    except UnsupportedError:  # det J* is no polynomial
+        return ""
     low, high, child, free = boxes.cells
     S = minor_sampler(arm, [tuple(range(arm.n))], FLOATING)
     wall = free & (S(0.5 * (low + high))[:, 0] * S(start.q[None])[0, 0] < 0.0)

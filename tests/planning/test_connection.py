@@ -81,6 +81,19 @@ def test_within_limits_postures_of_one_sign_are_apart_where_no_way_leads_round_t
     assert apart
 
 
+def test_what_has_no_boxes_is_planned_all_the_same():
+    """A slide of 2 km: its minors are mostly rounding, which the message names, and what to do."""
+    kinds = ("prismatic", "revolute")
+    wide = load_text(random_chain(chosen(3), 3, kinds), tip="tip", task="position")
+    assert wide.slides.tolist() == [True, False, False]
+    arm = wide.replace(lower={"joint_1": -1e3}, upper={"joint_1": 1e3})
+    start, goal = arm.at([0.0, 0.5, 0.5]), np.array([0.05, 0.55, 0.55])
+    np.testing.assert_allclose(sa.plan(start, sa.Joints(goal), search=FEW).q[-1], goal, atol=1e-9)
+    for ask in (lambda: sa.connected(start, arm.at(goal)), lambda: sa.free_box(start)):
+        with pytest.raises(sa.UnsupportedError, match=r"limits.*arm.replace\(lower=, upper=\)"):
+            ask()
+
+
 def test_redundant_arms_have_no_sides():
     arm = sa.load("chaser7")
     rng = np.random.default_rng(1)

@@ -132,6 +132,17 @@ def test_no_cell_is_left_untried(planar):
     assert again.share == first.share
 
 
+def test_a_joint_that_cannot_move_takes_no_share():
+    """The boxes are those of the others; of planar3 nothing depends on the last joint."""
+    arm = sa.load("planar3")
+    held = arm.replace(lower={"joint_3": 0.3}, upper={"joint_3": 0.3})
+    free, still = (sa.free_boxes(a, most=3000) for a in (arm, held))
+    np.testing.assert_array_equal(still.lower[:, :2], free.lower[:, :2])
+    np.testing.assert_allclose(still.part_shares, free.part_shares, atol=1e-12)
+    bent = arm.replace(lower={"joint_2": 0.8}, upper={"joint_2": 0.8})
+    assert sa.free_boxes(bent, most=3000).share >= 0.99
+
+
 def test_a_share_that_cannot_be_is_named():
     with pytest.raises(sa.ConfigurationError, match=r"share is 1\.5"):
         sa.free_boxes(sa.load("planar2"), share=1.5)
