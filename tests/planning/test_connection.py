@@ -67,7 +67,7 @@ def test_within_limits_postures_of_one_sign_are_apart_where_no_way_leads_round_t
     Q = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1)
     S = singularity_polynomial(arm)(Q.reshape(-1, 2)).reshape(401, 401)
     apart, rng = 0, np.random.default_rng(0)
-    for _ in range(40):
+    for _ in range(20):
         a, b = map(tuple, rng.integers(20, 381, (2, 2)).tolist())
         part, _ = scipy.ndimage.label(S * S[a] > 0.0)
         one_sign, joined = S[a] * S[b] > 0.0, part[a] == part[b]
