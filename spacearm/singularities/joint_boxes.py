@@ -35,7 +35,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_scales
 from spacearm.polynomial.free_regions import Region, Roots, halved, shrunk
 from spacearm.polynomial.newton import shortened
-from spacearm.polynomial.tubes import EPS, ROUNDING, about_box
+from spacearm.polynomial.tubes import ROUNDING, about_box
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import payload_note
@@ -57,6 +57,8 @@ ON_THE_SET = 1e-9
 #: Half width of cells that are not halved; parts of a way to a root.
 NARROW, PARTS = 1e-7, 64
 TURN = 2.0 * np.pi
+#: How far beyond a range joint positions may be by rounding, as a share of one plus themselves.
+ROUNDED = 1e-13
 #: How many times as many cells a slab gets as long as no part of it worth a move is proven.
 PATIENCE = 3
 #: Coefficients of polynomials that get the whole effort; of larger ones a cell takes longer.
@@ -151,7 +153,7 @@ class FreeBox(Result):
         if not q.ndim or q.shape[-1] != self.arm.n:
             raise ConfigurationError(f"postures has shape {q.shape}; give (m, {self.arm.n})")
         beyond = np.maximum(self.lower - q, q - self.upper)  # the proof reaches a little farther
-        return bool((beyond <= 8.0 * EPS * (1.0 + np.abs(q))).all())
+        return bool((beyond <= ROUNDED * (1.0 + np.abs(q))).all())
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the box as a TOML file, in radians and metres.
@@ -305,15 +307,14 @@ def grown(
 
     `region` returns what proves, of origin, unit, least and largest x of the joints, (n,) each.
     """
-    arm, rows = about.arm, np.atleast_2d(np.asarray(about.q, dtype=np.float64))
+    arm = about.arm
+    way = np.asarray(getattr(about, "control_points", about.q)).reshape(-1, arm.n)
     if clearance:
         positive(clearance, "clearance", "angle [rad]")
     named = [arm.joint_names.index(joint_name(arm, name)) for name in joints]
     widths = None if at_least is None else positive(at_least, "at_least", "width [rad]")
-    ends = np.array(range_allowed(arm, rows, within))
-    way: Array = getattr(about, "control_points", rows)
-    rows = np.clip(way.reshape(-1, arm.n), ends[0], ends[1])
-    growth = Growth(region, arm, mode, rows, ends, clearance, progress, effort)
+    ends = np.array(range_allowed(arm, way, within))
+    growth = Growth(region, arm, mode, np.clip(way, *ends), ends, clearance, progress, effort)
     growth.start()
     if widths is not None:
         growth.grow(growth.relevant, widths)
@@ -340,12 +341,12 @@ def range_allowed(
                 f"within is {within!r}; give (lower, upper), {arm.n} numbers each"
             )
         low, high = given
-    outside = (rows < low) | (rows > high)
+    outside = np.maximum(low - rows, rows - high) > ROUNDED * (1.0 + np.abs(rows))
     if outside.any():
         i, j = np.argwhere(outside)[0]
         raise ConfigurationError(
-            f"joint {arm.joint_names[j]!r} is at {rows[i, j]:.6g}, outside the range allowed, "
-            f"{low[j]:.6g} to {high[j]:.6g}; give another with within="
+            f"joint {arm.joint_names[j]!r} is at {rows[i, j]:.9g}, outside the range allowed, "
+            f"{low[j]:.9g} to {high[j]:.9g}; give another with within="
         )
     return low, high
 

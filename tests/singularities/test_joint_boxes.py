@@ -205,6 +205,20 @@ def test_a_motion_is_in_a_box_with_all_that_lies_between_its_rows():
     assert not rows.contains(bulged)
 
 
+def test_a_box_holds_a_plan_along_a_limit_and_never_less_than_is_flown():
+    """Control points may be beyond the limit by rounding. What is more is outside."""
+    arm = sa.load("planar2").replace(lower=[-3.0, -3.0])
+    plan = sa.plan(arm.at([-3.0, 1.2]), sa.Joints([-3.0, 1.9]))
+    for beyond in (2e-14, 1e-5):
+        lower = plan.control_points - [beyond, 0.0]
+        flown = SimpleNamespace(arm=arm, q=plan.q, control_points=lower)
+        if beyond < 1e-9:
+            assert sa.free_box(flown).contains(flown)
+            continue
+        with pytest.raises(sa.ConfigurationError, match=r"is at -3\.00001, outside the range"):
+            sa.free_box(flown)
+
+
 def test_a_width_that_cannot_be_is_refused_with_the_box_that_there_is():
     arm = sa.load("planar2")
     with pytest.raises(sa.NoSolutionError, match="degrees asked for") as error:
