@@ -355,9 +355,9 @@ class Roots:
             centre: As of `free`.
             half: As of `free`.
             age: (m,) how often boxes were halved since all polynomials were tried; written to.
-            inside: As of `free`; boxes in which it has no slope count as a whole.
+            inside: As of `free`; boxes in which it is constant count as a whole.
         """
-        whole = inside is None or bool(2 * inside.slope.any(axis=1).sum() < len(age))  # most do
+        whole = inside is None or bool(2 * inside.bend.any(axis=(1, 2)).sum() < len(age))  # most do
         small = self.varied if whole else self.small
         own = small.expanded(centre, half)
         free, taken = small.judged(own, half, inside)

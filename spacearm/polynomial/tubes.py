@@ -109,7 +109,8 @@ def about_box(centre: Array, half: Array, low: Array, high: Array, radius: float
         radius: The radius.
     """
     below, above = centre + half <= low, centre - half >= high
-    edge, beyond, n = np.where(below, low, high), below | above, centre.shape[1]
+    beyond, n = (below | above) & (half > 0.0), centre.shape[1]
+    edge = np.where(below, low, high)
     x = np.where(beyond, centre - edge, 0.0)
     square = (x**2).sum(axis=1)
     noise = 32.0 * n * EPS * (square + radius**2 + (centre**2 + edge**2).sum(axis=1))

@@ -630,6 +630,7 @@ def test_paths_of_arms_with_larger_minors_are_proven_free_by_momenta(seed, n):
     assert prove_way(arm, "free-floating", straight(way), 0.1).clearance == 0.0
 
 
+@pytest.mark.slow
 def test_minors_that_are_mostly_rounding_leave_the_others_to_prove():
     """With 500 kg in the hand minors without the last joint are a million times as small."""
     arm = sa.load("chaser7", task="position").replace(payload=500.0)
