@@ -255,6 +255,7 @@ def test_a_branch_of_the_set_ahead_of_the_arm_is_found_before_it_is_near():
     assert late.mean() < 0.2
 
 
+@pytest.mark.slow
 def test_a_posture_beside_the_nearest_in_a_valley_comes_to_rest_there():
     """Whole ways along a set that bends between them leave it for the bottom of the valley."""
     arm, rng = sa.load("chaser7"), np.random.default_rng(21)

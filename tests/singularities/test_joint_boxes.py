@@ -146,6 +146,7 @@ def test_named_joints_are_at_least_as_wide_as_in_any_order():
     assert width[0] >= (sa.free_box(cfg).upper - sa.free_box(cfg).lower)[0] - 1e-9
 
 
+@pytest.mark.slow
 def test_sides_with_a_clearance_stop_at_singular_postures_as_near_as_that():
     arm, clearance = sa.load("servicer_ur5"), 0.05
     limits = np.clip((arm.lower, arm.upper), -np.pi, np.pi)
