@@ -34,8 +34,8 @@ from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.frames import pose_facts
 from spacearm.motion.controllers import Tracking
-from spacearm.motion.flights import Flight, Phase, simulate_phases
-from spacearm.motion.motion import Motion, joined
+from spacearm.motion.flights import Flight, Phase, joined, simulate_phases
+from spacearm.motion.motion import Motion
 from spacearm.motion.plant import Integration, Plant
 from spacearm.planning import planner
 from spacearm.planning.account import Attempts, SearchAccount

@@ -30,13 +30,14 @@ from spacearm.equations.laws import Pose, State, quaternion_rate
 from spacearm.equations.plant import cut_torques, held_attitude, taken, yielding
 from spacearm.mechanics import dynamics
 from spacearm.mechanics.arm_kernels import structure_of
+from spacearm.mechanics.floating import samples
 from spacearm.model.arm import Configuration, kinematics
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import Event, first_fall
 from spacearm.motion.goal import twist_between
-from spacearm.motion.motion import Trajectory, samples
+from spacearm.motion.motion import Trajectory
 from spacearm.motion.motion_file import Quantity
 from spacearm.motion.plant import Integration, Plant, wheel_torques
 from spacearm.motion.simulation import audit

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, overload
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 import pinocchio as pin
+from scipy.interpolate import PPoly
 
 from spacearm.arrays import Array, ArrayLike
 from spacearm.equations import turns
@@ -122,6 +123,56 @@ def attitudes(start: Configuration, Q: Array) -> Array:
     return start.base.rotation @ np.concatenate((np.eye(3)[None], T))[np.append(0, last)]
 
 
+def attitudes_over_time(start: Configuration, joints: PPoly, t: Array) -> Array:
+    """Compute the attitude of a free-floating base while the joints follow a curve over time.
+
+    The total momentum h of `start` is conserved, and its wheels keep the momentum h_w that they
+    hold: in spacecraft axes w_0 = D^-1 (T^T h - h_w - D_q dq), which is (33c) without momentum.
+    The Euler parameters are integrated by equation (36) with the classical Runge-Kutta method of
+    fourth order, in steps in which joints and base move by at most `STEP`.
+
+    Args:
+        start: The configuration at t[0], with momentum and wheels.
+        joints: Joint positions (n,) over time [rad] or [m].
+        t: (m,) times [s], increasing; kinks of the curve are at these times only.
+
+    Returns:
+        (m, 3, 3) attitudes.
+    """
+    arm, h = start.arm, start.momentum[3:]
+    stored = start.base.rotation.T @ start.stored[3:]
+    span = np.diff(t)
+    moved = np.abs(joints(0.5 * (t[:-1] + t[1:]), 1)).max(axis=1) * span
+    D_start = momenta(arm, start.q[None])[0][0]
+    spin = np.linalg.norm(np.linalg.solve(D_start, start.base.rotation.T @ h - stored))
+    steps = np.maximum(1, np.ceil(np.maximum(moved, spin * span) / STEP)).astype(int)
+    last = np.cumsum(steps)
+    intervals = zip(t[:-1], t[1:], steps, strict=True)
+    a = np.concatenate([np.linspace(begin, end, n, endpoint=False) for begin, end, n in intervals])
+    b = np.append(a[1:], t[-1])
+    nodes = np.stack((a, 0.5 * (a + b), np.nextafter(b, a)), axis=1)  # before a kink, not after
+    D, D_q = momenta(arm, joints(nodes).reshape(-1, arm.n))
+    arm_momentum = D_q @ joints(nodes, 1).reshape(-1, arm.n, 1)
+    inverse = np.linalg.inv(D).reshape(-1, 3, 3, 3)
+    held = (stored + arm_momentum[..., 0]).reshape(-1, 3, 3)
+    quaternions = [pin.Quaternion(start.base.rotation).coeffs()]
+    for invs, taken, width in zip(inverse, held, b - a, strict=True):
+
+        def rate(node: int, x: Array) -> Array:
+            R = pin.Quaternion(x).normalized().matrix()
+            w = invs[node] @ (R.T @ h - taken[node])  # noqa: B023
+            return 0.5 * np.append(np.cross(x[:3], w) + x[3] * w, -x[:3] @ w)  # (36)
+
+        x = quaternions[-1]
+        k1 = rate(0, x)
+        k2 = rate(1, x + 0.5 * width * k1)
+        k3 = rate(1, x + 0.5 * width * k2)
+        k4 = rate(2, x + width * k3)
+        x = x + width / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        quaternions.append(x / np.linalg.norm(x))
+    return np.array([pin.Quaternion(quaternions[i]).matrix() for i in np.append(0, last)])
+
+
 def placed(start: Configuration, q: Array, T: Array) -> Configuration:
     """Return the configuration at q (n,) and attitude T (3, 3) with the system CM of `start`."""
     attitude = pin.Quaternion(T).normalized().matrix()  # without the rounding of many products
@@ -229,3 +280,17 @@ def chained(T: Array) -> Array:
         found[..., 1::2, :, :] = chained(T[..., : m - 1 : 2, :, :] @ T[..., 1::2, :, :])
         found[..., 2::2, :, :] = found[..., 1 : m - 1 : 2, :, :] @ T[..., 2::2, :, :]
     return found
+
+
+def carried_along(cfg: Configuration, rows: int) -> dict[str, Any]:
+    """Return momentum (rows, 6) and wheels (rows, w) that stay what they are, as `Drifting` has."""
+    kept = {"momentum": cfg.momentum, "wheels": cfg.wheels}
+    return {name: np.tile(value, (rows, 1)) for name, value in kept.items()}
+
+
+def samples(cfgs: Sequence[Configuration]) -> dict[str, Any]:
+    """Return q (m, n) and base (m, 7) of configurations, as `Motion` has them."""
+    if isinstance(cfgs, Walk):
+        return {"q": cfgs.q.copy(), "base": cfgs.bases}
+    base = [pin.SE3ToXYZQUAT(cfg.base) for cfg in cfgs]
+    return {"q": np.array([cfg.q for cfg in cfgs]), "base": np.array(base)}

@@ -29,7 +29,7 @@ from spacearm.errors import (
 )
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import generalized_velocity, momentum_and_torque
-from spacearm.mechanics.floating import STEP, attitudes, placed, reactions, walk
+from spacearm.mechanics.floating import STEP, attitudes, placed, reactions, samples, walk
 from spacearm.mechanics.target import Target
 from spacearm.mission.braking import Braking, braked, largest_torques
 from spacearm.mission.catch_report import Catch, grasp_of, in_hand
@@ -37,7 +37,7 @@ from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import goal_axes, largest, out_of_reach, twist_between
-from spacearm.motion.motion import Motion, samples
+from spacearm.motion.motion import Motion
 from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.many_curves import drifting_attitudes, rotation_vectors, rotations_of
 from spacearm.planning.optimiser import Target as End

@@ -13,11 +13,11 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.dynamics import inverse_dynamics, momentum_and_torque
-from spacearm.mechanics.floating import placed
+from spacearm.mechanics.floating import carried_along, placed, samples
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.flights import Grasp, held_loads
-from spacearm.motion.motion import Drifting, carried_along, samples
+from spacearm.motion.motion import Drifting
 from spacearm.planning.many_curves import steered_attitudes
 from spacearm.planning.reactions import Wheels, load_of
 from spacearm.singularities.sets import prove_regular

@@ -20,9 +20,9 @@ from spacearm.mission.braking import Braking
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.controllers import Tracking
-from spacearm.motion.flights import Flight, Grasp, Phase, simulate_phases
+from spacearm.motion.flights import Flight, Grasp, Phase, joined, simulate_phases
 from spacearm.motion.following import Followed
-from spacearm.motion.motion import Motion, joined
+from spacearm.motion.motion import Motion
 from spacearm.motion.plant import Integration, Motors, Plant, WheelHold
 from spacearm.planning.reactions import Wheels
 from spacearm.planning.result import Plan

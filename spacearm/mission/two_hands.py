@@ -32,6 +32,7 @@ from spacearm.mechanics.dynamics import (
     inverse_dynamics,
     mass_matrix,
 )
+from spacearm.mechanics.floating import carried_along, samples
 from spacearm.mechanics.target import Target
 from spacearm.mission.approaching import NO_WAY, Approach, Grapple, away, in_turn
 from spacearm.mission.braking import BRAKES, Braking
@@ -43,7 +44,7 @@ from spacearm.motion.controllers import Tracking
 from spacearm.motion.events import Event
 from spacearm.motion.flights import Flight, Phase, simulate_phases
 from spacearm.motion.goal import out_of_reach, twist_between
-from spacearm.motion.motion import Motion, Trajectory, carried_along, samples
+from spacearm.motion.motion import Motion, Trajectory
 from spacearm.motion.plant import Integration, Plant
 from spacearm.planning.planner import plan
 from spacearm.planning.problem import LEAST

@@ -6,6 +6,7 @@ from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
+from scipy.interpolate import CubicHermiteSpline
 
 from spacearm.arrays import LARGEST, Array, ArrayLike, finite, plain, shape_of
 from spacearm.errors import ConfigurationError, type_of
@@ -97,3 +98,26 @@ def evenly_spread(m: int) -> Array:
     around = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(m)
     r = np.sqrt(1.0 - z * z)
     return np.stack((r * np.cos(around), r * np.sin(around), z), axis=1)
+
+
+def pose_between(begin: pin.SE3, end: pin.SE3, start: Array, stop: Array, s: float) -> pin.SE3:
+    """Return the pose at s of 0 to 1 on a cubic curve through two poses with given twists.
+
+    The position is a cubic Hermite curve. The rotation is begin exp(phi(s)) with phi a cubic
+    Hermite curve of rotation vectors; its slope at the end follows from the inverse of the right
+    Jacobian of the rotation group.
+
+    Args:
+        begin: The pose at 0.
+        end: The pose at 1.
+        start: (6,) twist [linear; angular] at 0 by s, inertial axes.
+        stop: (6,) twist at 1.
+        s: Where.
+    """
+    turned = begin.rotation.T @ end.rotation
+    slopes = (begin.rotation.T @ start[3:], pin.Jlog3(turned) @ (end.rotation.T @ stop[3:]))
+    ends = np.array([begin.translation, end.translation])
+    place = CubicHermiteSpline([0.0, 1.0], ends, [start[:3], stop[:3]])
+    vectors = np.array([np.zeros(3), pin.log3(turned)])
+    phi = CubicHermiteSpline([0.0, 1.0], vectors, slopes)
+    return pin.SE3(begin.rotation @ pin.exp3(phi(s)), place(s))

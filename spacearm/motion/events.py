@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from spacearm.mechanics.distance import distance_at
 from spacearm.model.arguments import BaseMode, impossible
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.goal import steady
+from spacearm.results import Column, Table, joint_measures
 from spacearm.singularities.nearest import nearest_locally
 
 EVENTS = ("singularity", "joint limit", "target", "wheel full")
@@ -104,3 +105,10 @@ def first_fall(
     at[which] = max(at[which], 0.0)  # another may have fallen before, and risen again with this one
     sooner = first_fall(values, before, at, a, t) if t > a and (at < 0.0).any() else None
     return sooner if sooner and sooner[0] < t - SHARPNESS * b else (t, which)
+
+
+def events_table(arm: SpaceArm, events: Sequence[Event]) -> Table:
+    """Return what happened on the way of an arm."""
+    columns: list[Column | str] = ["event", Column("time", "s", ".4f"), *arm.joint_names, ""]
+    rows = [(e.kind, e.t, *joint_measures(e.q, arm.slides), e.detail) for e in events]
+    return Table(columns, rows)

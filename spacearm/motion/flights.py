@@ -17,8 +17,8 @@ from spacearm.mechanics import dynamics
 from spacearm.model.arguments import FLOATING, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Laws
-from spacearm.motion.events import Event
-from spacearm.motion.motion import Trajectory, events_table
+from spacearm.motion.events import Event, events_table
+from spacearm.motion.motion import Motion, Trajectory
 from spacearm.motion.plant import Integration, Plant, Sampling
 from spacearm.motion.simulation import simulate
 from spacearm.results import Column, Description, Table
@@ -472,3 +472,15 @@ def _kept(run: Trajectory, arm: SpaceArm) -> Array:
     cfg = run[-1]
     v = dynamics.generalized_velocity(cfg, run.dq[-1])
     return arm.at(cfg.q, base=cfg.base).A @ v + cfg.stored
+
+
+def joined(*motions: Motion, begin: float = 0.0) -> Motion:
+    """Return a wait until `begin` [s] and motions of one arm, one after the other, as one."""
+    first, rest = motions[0], motions[1:]
+    t, q, base = begin + first.t, first.q, first.base
+    for motion in rest:
+        t = np.append(t, t[-1] + motion.t[1:])
+        q, base = np.vstack((q, motion.q[1:])), np.vstack((base, motion.base[1:]))
+    if begin > 1e-9 * t[-1]:  # not by rounding
+        t, q, base = np.append(0.0, t), np.vstack((q[:1], q)), np.vstack((base[:1], base))
+    return Motion(first.arm, t, q, base, mode=first.mode)

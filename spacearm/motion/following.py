@@ -26,6 +26,7 @@ from spacearm.compiler import numbers
 from spacearm.equations.laws import quaternion_rate
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import generalized_velocity, spacecraft_twist
+from spacearm.mechanics.floating import carried_along, samples
 from spacearm.mechanics.jacobian import generalized_jacobian, singular_values
 from spacearm.model.arguments import BaseMode, require_possible
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
@@ -33,7 +34,7 @@ from spacearm.motion import events
 from spacearm.motion import goal as goals
 from spacearm.motion.events import Event
 from spacearm.motion.goal import Goal, Origin, goal_pose
-from spacearm.motion.motion import Drifting, RateJump, carried_along, samples
+from spacearm.motion.motion import Drifting, RateJump
 from spacearm.motion.motion_file import Quantity
 from spacearm.results import Description, Tone
 from spacearm.signatures import checked

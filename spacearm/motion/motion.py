@@ -18,14 +18,14 @@ from spacearm.errors import ConfigurationError, listed
 from spacearm.files import arrays_in
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import momentum_and_torque
-from spacearm.mechanics.floating import Walk
 from spacearm.mechanics.jacobian import momentum_matrix, singular_values
 from spacearm.model.arguments import FLOATING, BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
+from spacearm.model.frames import pose_between
 from spacearm.model.joints import joint_vector
 from spacearm.model.wheels import WheelLoad, carried
 from spacearm.motion import motion_file
-from spacearm.motion.events import Event
+from spacearm.motion.events import Event, events_table
 from spacearm.motion.goal import origin_of
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
 from spacearm.polynomial.certificate import Certificate
@@ -94,11 +94,11 @@ AnyMotion = TypeVar("AnyMotion", bound="Motion")
 
 
 class Motion(Result):
-    """A sampled motion, linear between its samples.
+    """A sampled motion.
 
     `len(motion)` is the number of samples, `motion[i]` the configuration of one of them and
-    `motion.at(t)` that at a time. What is not given is computed from the samples when it is first
-    asked for.
+    `motion.at(t)` that at a time. Between the samples the joints follow `curve`. What is not given
+    is computed from the samples when it is first asked for.
 
     Attributes:
         arm: The arm.
@@ -172,15 +172,34 @@ class Motion(Result):
 
         Through their rates and accelerations too, where these are its own, not differenced.
         """
-        begin, end = self.t[[0, -1]]
-        inner = [jump for jump in self.jumps if begin < jump.t < end]
-        known = {"dq", "ddq"} <= {each.name for each in fields(self)}
-        if not known or len(self) == 1 or inner:
+        if not self._has_rates:
             return scipy.interpolate.CubicSpline(self.t, self.q)
         rows = np.stack((self.q, self.dq, self.ddq), axis=1)
         return scipy.interpolate.PPoly.from_bernstein_basis(
             scipy.interpolate.BPoly.from_derivatives(self.t, rows)
         )
+
+    @property
+    def _has_rates(self) -> bool:
+        """Whether rates and accelerations are the motion's own, without jumps between samples."""
+        begin, end = self.t[[0, -1]]
+        inner = [jump for jump in self.jumps if begin < jump.t < end]
+        known = {"dq", "ddq"} <= {each.name for each in fields(self)}
+        return known and len(self) > 1 and not inner
+
+    @cached_property
+    def curve(self) -> scipy.interpolate.PPoly:
+        """Joint positions (n,) over time between the samples.
+
+        It is `spline` where the motion has its own rates and accelerations (a plan, a simulation),
+        else straight from sample to sample.
+        """
+        if self._has_rates:
+            return self.spline
+        if len(self) == 1:
+            return scipy.interpolate.PPoly(self.q[None], [self.t[0], self.t[0] + 1.0])
+        slopes = np.diff(self.q, axis=0) / np.diff(self.t)[:, None]
+        return scipy.interpolate.PPoly(np.stack((slopes, self.q[:-1])), self.t)
 
     @cached_property
     def wheel_spline(self) -> scipy.interpolate.BSpline | None:
@@ -188,7 +207,8 @@ class Motion(Result):
         return None
 
     def __getitem__(self, i: int) -> Configuration:
-        return kinematics(self.arm, joint_vector(self.arm, self.q[i], "q"), _pose(self.base[i]))
+        q = joint_vector(self.arm, self.q[i], "q")
+        return self._configuration(q, _pose(self.base[i]), i, i, 0.0)
 
     def __iter__(self) -> Iterator[Configuration]:
         return (self[i] for i in range(len(self)))
@@ -196,18 +216,57 @@ class Motion(Result):
     def at(self, t: float) -> Configuration:
         """Return the configuration at a time; the first or last one outside the motion.
 
-        Joint positions and the position of the spacecraft are linear between two samples; its
-        attitude turns at a constant rate.
+        The joints are on `curve`: for a plan or a simulation that is the spline that is followed.
+        The base is on a cubic curve through its poses and twists at the two samples beside (see
+        `base_twist`) where the motion has its own rates; else its position is linear and its
+        rotation uniform between the samples. Momentum and wheels are linear between the samples.
 
         Args:
             t: The time [s].
         """
         i = int(np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, max(len(self) - 2, 0)))
         j = min(i + 1, len(self) - 1)
+        if i == j or t <= self.t[i]:
+            return self[i]
+        if t >= self.t[j]:
+            return self[j]
         span = self.t[j] - self.t[i]
-        s = float(np.clip((t - self.t[i]) / span, 0.0, 1.0)) if span > 0.0 else 0.0
-        pose = pin.SE3.Interpolate(_pose(self.base[i]), _pose(self.base[j]), s)
-        return self.arm.at((1.0 - s) * self.q[i] + s * self.q[j], base=pose)
+        s = float((t - self.t[i]) / span)
+        begin, end = _pose(self.base[i]), _pose(self.base[j])
+        if self._has_rates:
+            slopes = span * self.base_twist[[i, j]]
+            pose = pose_between(begin, end, slopes[0], slopes[1], s)
+        else:
+            pose = pin.SE3.Interpolate(begin, end, s)
+        return self._configuration(np.asarray(self.curve(t)), pose, i, j, s)
+
+    def _configuration(self, q: Array, base: pin.SE3, i: int, j: int, s: float) -> Configuration:
+        """Return the configuration at a share s of the way from sample i to sample j."""
+        cfg = kinematics(self.arm, q, base)
+        pairs = zip(self._carried(i), self._carried(j), strict=True)
+        momentum, wheels = ((1.0 - s) * before + s * after for before, after in pairs)
+        if momentum.any():
+            cfg = cfg.with_momentum(momentum)
+        return cfg.with_wheels(wheels) if wheels.any() else cfg
+
+    def _carried(self, i: int) -> tuple[Array, Array]:  # noqa: ARG002
+        """Return the momentum (6,) of the system and what each wheel holds (w,) at a sample."""
+        return np.zeros(6), np.zeros(len(self.arm.wheels))
+
+    @cached_property
+    def base_twist(self) -> Array:
+        """(m, 6) twist of the base [linear [m/s]; angular [rad/s]], inertial axes.
+
+        It follows from the momentum, as in `base_velocity`; components of the twist that `mode`
+        does not let free are zero.
+        """
+        free = free_components(self.mode)
+        twists = np.zeros((len(self), 6))
+        for i, cfg in enumerate(self):
+            A_b, A_q = momentum_matrix(cfg)
+            h = (cfg.momentum - cfg.stored)[:free]
+            twists[i, :free] = np.linalg.solve(A_b[:free, :free], h - A_q[:free] @ self.dq[i])
+        return read_only(twists)
 
     @cached_property
     def dq(self) -> Array:
@@ -449,18 +508,6 @@ class Motion(Result):
         return read_only(np.array([value(cfg) for cfg in self]))
 
 
-def joined(*motions: Motion, begin: float = 0.0) -> Motion:
-    """Return a wait until `begin` [s] and motions of one arm, one after the other, as one."""
-    first, rest = motions[0], motions[1:]
-    t, q, base = begin + first.t, first.q, first.base
-    for motion in rest:
-        t = np.append(t, t[-1] + motion.t[1:])
-        q, base = np.vstack((q, motion.q[1:])), np.vstack((base, motion.base[1:]))
-    if begin > 1e-9 * t[-1]:  # not by rounding
-        t, q, base = np.append(0.0, t), np.vstack((q[:1], q)), np.vstack((base[:1], base))
-    return Motion(first.arm, t, q, base, mode=first.mode)
-
-
 class Drifting(Motion, kw_only=True):
     """Base of planned motions of a spacecraft that may have momentum on board.
 
@@ -479,30 +526,13 @@ class Drifting(Motion, kw_only=True):
         "wheels": Quantity("N m s", "wheel"),
     }
 
-    def __getitem__(self, i: int) -> Configuration:
-        cfg = super().__getitem__(i)
-        if not self.momentum.any() and not self.wheels.any():
-            return cfg
-        return cfg.with_momentum(self.momentum[i]).with_wheels(self.wheels[i])
+    def _carried(self, i: int) -> tuple[Array, Array]:
+        return self.momentum[i], self.wheels[i]
 
     @property
     def momentum_on_board(self) -> Array:
         """(m, 3) angular momentum of the whole system, axes of the spacecraft, which is held."""
-        return np.asarray(self.momentum[:, 3:] @ super().__getitem__(0).base.rotation)
-
-
-def carried_along(cfg: Configuration, rows: int) -> dict[str, Any]:
-    """Return momentum (rows, 6) and wheels (rows, w) that stay what they are, as `Drifting` has."""
-    kept = {"momentum": cfg.momentum, "wheels": cfg.wheels}
-    return {name: np.tile(value, (rows, 1)) for name, value in kept.items()}
-
-
-def samples(cfgs: Sequence[Configuration]) -> dict[str, Any]:
-    """Return q (m, n) and base (m, 7) of configurations, as `Motion` has them."""
-    if isinstance(cfgs, Walk):
-        return {"q": cfgs.q.copy(), "base": cfgs.bases}
-    base = [pin.SE3ToXYZQUAT(cfg.base) for cfg in cfgs]
-    return {"q": np.array([cfg.q for cfg in cfgs]), "base": np.array(base)}
+        return np.asarray(self.momentum[:, 3:] @ _pose(self.base[0]).rotation)
 
 
 def _pose(row: Array) -> pin.SE3:
@@ -562,12 +592,11 @@ class Trajectory(Motion, kw_only=True):
         "other_work": Quantity("J"),
     }
 
-    def __getitem__(self, i: int) -> Configuration:
-        cfg, kept = super().__getitem__(i), free_components(self.mode)
+    def _carried(self, i: int) -> tuple[Array, Array]:
+        kept = free_components(self.mode)
         momentum = np.zeros(6)
         momentum[:kept] = self.momentum[0, :kept] + self.impulse[i, :kept]
-        cfg = cfg.with_momentum(momentum)
-        return cfg.with_wheels(self.wheels[i]) if self.wheels.size else cfg
+        return momentum, self.wheels[i]
 
     @property
     def story(self) -> str:
@@ -669,10 +698,3 @@ def drift_of(momentum: Array, impulse: Array, brought: Array, free: int) -> floa
     sizes = (np.abs(h[:, :free]).max(initial=0.0) for h in (brought, momentum[:1], impulse))
     most = max(sizes)
     return float(change / most) if most > 0.0 else 0.0
-
-
-def events_table(arm: SpaceArm, events: Sequence[Event]) -> Table:
-    """Return what happened on the way of an arm."""
-    columns: list[Column | str] = ["event", Column("time", "s", ".4f"), *arm.joint_names, ""]
-    rows = [(e.kind, e.t, *joint_measures(e.q, arm.slides), e.detail) for e in events]
-    return Table(columns, rows)

@@ -16,10 +16,10 @@ from spacearm.collisions.bodies import but_for, left_out
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.swept_motion import Floating, Flown, SweptMotion
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.floating import bases, placed
+from spacearm.mechanics.floating import bases, placed, samples
 from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import AT_REST, Configuration, SpaceArm
-from spacearm.motion.motion import AnyMotion, Drifting, samples
+from spacearm.motion.motion import AnyMotion, Drifting
 from spacearm.planning import timing
 from spacearm.planning.many_curves import FlownRows
 from spacearm.planning.reactions import boundless
@@ -136,6 +136,10 @@ class Plan(Drifting, kw_only=True):
     def ddq(self) -> Array:
         """(m, n) joint accelerations [rad/s^2] or [m/s^2], zero at both ends and at corners."""
         return self._rates(2)
+
+    @property
+    def _has_rates(self) -> bool:
+        return len(self) > 1
 
     @cached_property
     def spline(self) -> PPoly:

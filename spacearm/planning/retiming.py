@@ -12,10 +12,10 @@ from scipy.interpolate import CubicSpline
 from spacearm.arrays import Array, ArrayLike, within
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, imported
 from spacearm.mechanics.dynamics import inverse_dynamics, momentum_and_torque
-from spacearm.mechanics.floating import placed
+from spacearm.mechanics.floating import carried_along, placed, samples
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.motion.motion import Motion, carried_along, samples
+from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.many_curves import FlownRows
 from spacearm.planning.problem import ROUNDING, beyond_limits, contact_as_flown

@@ -13,12 +13,12 @@ import pinocchio as pin
 from spacearm.arrays import Array, Integers
 from spacearm.equations.servo import Frame
 from spacearm.errors import UnsupportedError, require_known
-from spacearm.mechanics.floating import move, placed
+from spacearm.mechanics.floating import move, placed, samples
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_scales
 from spacearm.motion.flights import Flight
-from spacearm.motion.motion import Motion, samples
+from spacearm.motion.motion import Motion
 from spacearm.results import short_names
 from spacearm.servo.servo import Servo, ServoStep
 

@@ -6,6 +6,7 @@ import pytest
 from helpers.arms import random_base, random_configuration, trees
 from hypothesis import given, settings
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
 
 import spacearm as sa
 from spacearm.mechanics import floating as reaction
@@ -30,6 +31,28 @@ def test_moving_agrees_with_an_independent_integration_of_momentum(cfg):
     assert np.abs(moved.base.translation - end[9:]).max() < 1e-6
     assert np.allclose(moved.com, cfg.com, atol=1e-12)
     assert np.array_equal(moved.q, target)
+
+
+@given(trees())
+@settings(max_examples=10)
+def test_a_motion_with_momentum_agrees_with_an_independent_integration(cfg):
+    """scipy integrates the attitude from `base_velocity` at the momentum on board."""
+    arm = cfg.arm
+    rng = np.random.default_rng(2)
+    h = np.append(np.zeros(3), 0.3 * np.diag(cfg.A[3:, 3:6]) * rng.uniform(-1, 1, 3))
+    start = arm.at(cfg.q, base=cfg.base, momentum=h)
+    target = cfg.q + rng.uniform(-1, 1, arm.n)
+    curve = CubicHermiteSpline([0.0, 2.0], [cfg.q, target], [rng.uniform(-1, 1, arm.n)] * 2)
+    t = np.linspace(0.0, 2.0, 5)
+    found = reaction.attitudes_over_time(start, curve, t)
+
+    def rate(time, y):
+        R = pin.Quaternion(y.reshape(3, 3)).normalized().matrix()
+        there = arm.at(curve(time), base=pin.SE3(R, np.zeros(3)), momentum=h)
+        return (pin.skew(sa.base_velocity(there, curve(time, 1))[3:]) @ R).ravel()
+
+    known = solve_ivp(rate, (0, 2), cfg.base.rotation.ravel(), "DOP853", t, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.reshape(5, 9), known.y.T, atol=1e-5)
 
 
 def test_moving_is_of_fourth_order(monkeypatch):

@@ -56,6 +56,40 @@ def test_a_motion_is_linear_between_its_samples():
     assert np.array_equal(lists.at(0.3).q, m.at(0.3).q)
 
 
+def test_a_plan_at_a_time_is_where_its_spline_leads():
+    """The joints exactly; the base as `move` along the spline from the sample before has it."""
+    arm = sa.load("planar2")
+    plan = sa.plan(arm.at([0.3, 1.2]), (1.5, 1.5))
+    straight = 0.0
+    for i in range(0, len(plan) - 1, 17):
+        t = 0.4 * plan.t[i] + 0.6 * plan.t[i + 1]
+        found, moved = plan.at(t), plan[i]
+        np.testing.assert_array_equal(found.q, plan.spline(t))
+        straight = max(straight, np.abs(found.q - 0.4 * plan.q[i] - 0.6 * plan.q[i + 1]).max())
+        for u in np.linspace(plan.t[i], t, 21)[1:]:
+            moved = sa.move(moved, plan.spline(u))
+        np.testing.assert_allclose(found.base.homogeneous, moved.base.homogeneous, atol=1e-4)
+    assert straight > 1e-3  # the spline is not the straight line between the samples
+
+
+def test_a_simulation_at_a_time_is_the_state_then():
+    """Interpolated between 40 samples, as integrated at 400; momentum and wheels too."""
+    arm = load_text(with_wheels("planar2", [0.0, 0.0, 1.0]))
+    start = arm.at([0.3, 1.2], momentum=[0.5, 0.2, 0, 0, 0, 0.4])
+    law = sa.JointPD(target=[0.9, 0.4], kp=5.0, kd=9.0)
+    plant = sa.Plant(wheels=lambda t: [0.1 * t])
+    coarse, fine = (
+        sa.simulate(start, law, 4.0, plant=plant, integration=sa.Integration(dt=dt, events=()))
+        for dt in (0.1, 0.01)
+    )
+    for i in range(5, len(fine), 10):
+        found, known = coarse.at(fine.t[i]), fine[i]
+        np.testing.assert_allclose(found.q, known.q, atol=5e-5)
+        np.testing.assert_allclose(found.base.homogeneous, known.base.homogeneous, atol=2e-4)
+        np.testing.assert_allclose(found.momentum, known.momentum, atol=1e-9)
+        np.testing.assert_allclose(found.wheels, known.wheels, atol=1e-3)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_samples_are_configurations(kinds, kind):
     motion = kinds[kind]
