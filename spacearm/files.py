@@ -1,15 +1,17 @@
-"""Files: read up to a size; written to a temporary file and renamed, never half."""
+"""Files: read up to a size; written under another name, flushed to the disk and renamed."""
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
 import re
+import shutil
 import stat
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
-from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -20,7 +22,14 @@ from spacearm.errors import SpaceArmError
 
 #: Largest size of a file that people write: a URDF, a study, a list of points [bytes].
 LARGEST_TEXT = 10**7
+#: Names of files and folders that are not finished.
+UNFINISHED = re.compile(r"\.[0-9a-f]{32}\.partial")
+#: Name, in the unfinished folder that replaces another, of the one that is replaced.
+BEFORE = "before"
 SILENT = "a device or a pipe; save what it gives as a file"
+
+#: Writes the content of a file to it.
+Fill = Callable[[BinaryIO], object]
 
 
 def opened(path: Path) -> BinaryIO:
@@ -108,33 +117,71 @@ def xml(content: bytes, bare: bool = False) -> Any:
 
 
 def write(path: Path, content: bytes) -> Path:
-    """Write a file, whole or not at all; see `write_by`."""
-    return write_by(path, lambda file: file.write(content))
+    """Write a file, whole or not at all; see `write_together`."""
+    return write_by(path, writing(content))
 
 
-def write_by(path: Path, fill: Callable[[BinaryIO], object]) -> Path:
-    """Write a file part by part, and have it there once it is whole, or not at all.
+def writing(content: bytes) -> Fill:
+    """Return the function that writes this content to a file; see `write_together`."""
+    return lambda file: file.write(content)
 
-    A new file has the permissions that the umask leaves, a replaced one keeps its own. Where the
-    path is a link, what it leads to is replaced.
+
+def write_by(path: Path, fill: Fill) -> Path:
+    """Write a file part by part, whole or not at all; see `write_together`."""
+    write_together({path: fill})
+    return path
+
+
+def write_together(fills: Mapping[Path, Fill]) -> None:
+    """Write the files of one result: all of them whole, or none.
+
+    Each file is written under another name in its folder and flushed to the disk. When all are
+    there, they are renamed, and the folders are flushed. After an error or Ctrl-C the folders hold
+    what they held before. If the process is killed, the next write to a folder removes the
+    unfinished files in it.
+
+    A new file has the permissions that the umask leaves, a replaced one keeps its own. Where a
+    path is a link, the file that it leads to is replaced.
 
     Args:
-        path: The file; an existing one is replaced.
-        fill: Writes its content to an open file.
-
-    Returns:
-        The path.
+        fills: For each file, a function that writes its content to an open file. Existing files
+            are replaced.
 
     Raises:
-        SpaceArmError: It cannot be written, or there is a folder, a device or a pipe.
+        SpaceArmError: A file cannot be written, or there is a folder, a device or a pipe.
     """
-    with _beside(path) as (target, beside):
-        with beside.open("wb") as file:
-            if target.exists():
-                beside.chmod(stat.S_IMODE(target.stat().st_mode))
-            fill(file)
-        beside.replace(target)
-    return path
+    with ExitStack() as unfinished, ExitStack() as undo:
+        written: dict[Path, tuple[Path, Path]] = {}
+        for path, fill in fills.items():
+            with _naming(path):
+                target = _target(path)
+                aside = unfinished.enter_context(_aside(target.parent))
+                if target.exists():
+                    os.fchmod(aside.fileno(), stat.S_IMODE(target.stat().st_mode))
+                fill(aside)
+                aside.flush()
+                _flush(aside.fileno())
+            written[path] = (target, Path(aside.name))
+        for path, (target, finished) in written.items():
+            with _naming(path):
+                if target.exists():
+                    before = unfinished.enter_context(_kept(target))
+                    undo.callback(before.replace, target)
+                else:
+                    undo.callback(_rename_own, target, finished.stat(), finished)
+                finished.replace(target)
+        folders = {target.parent: path for path, (target, _) in written.items()}
+        for folder, path in folders.items():
+            with _naming(path):
+                _flush_names(folder)
+        undo.pop_all()
+
+
+def _rename_own(path: Path, own: os.stat_result, name: Path) -> None:
+    """Rename a file or folder if it is there and not one that another program has put there."""
+    with suppress(FileNotFoundError):
+        if os.path.samestat(path.stat(), own):
+            path.rename(name)
 
 
 def writable(path: Path) -> None:
@@ -143,48 +190,138 @@ def writable(path: Path) -> None:
     Raises:
         SpaceArmError: It cannot be written, or there is a folder, a device or a pipe.
     """
-    with _beside(path):
+    with _naming(path), _aside(_target(path).parent):
         pass
 
 
-@contextmanager
-def _beside(path: Path) -> Iterator[tuple[Path, Path]]:
-    """Make an empty file beside the one that is written; it is gone afterwards.
+def _target(path: Path) -> Path:
+    """Return the file that a path leads to.
 
-    Yields:
-        What the path leads to, and the file beside it.
+    Raises:
+        SpaceArmError: There is a folder, a device or a pipe.
     """
-    beside: Path | None = None
-    try:
-        if path.exists() and not path.is_file():
-            raise SpaceArmError(f"{path} cannot be written: it is not a regular file; name another")
-        target = Path(os.path.realpath(path))
-        beside = target.with_name(f".{token_hex(16)}.partial")
-        beside.open("xb").close()
-        yield target, beside
-    except (OSError, ValueError) as error:  # ValueError: no file can have that name
-        raise _unwritten(path, error) from None
-    finally:
-        if beside:
+    if path.exists() and not path.is_file():
+        raise SpaceArmError(f"{path} cannot be written: it is not a regular file; name another")
+    return Path(os.path.realpath(path))
+
+
+@contextmanager
+def _aside(folder: Path) -> Iterator[BinaryIO]:
+    """Open an empty file in a folder; what has its name afterwards is removed.
+
+    The file is locked as long as it is open: `remove_leftovers` leaves it alone.
+    """
+    remove_leftovers(folder)
+    while True:
+        path = folder / f".{token_hex(16)}.partial"
+        file = path.open("xb")
+        try:
+            if _locked(file.fileno()):
+                yield file
+                return
+        finally:
             with suppress(OSError):
-                beside.unlink()
+                path.unlink()
+            with suppress(OSError):  # what could not be written is in its buffer
+                file.close()
 
 
-def _unwritten(path: Path, error: OSError | ValueError) -> SpaceArmError:
-    """Return the error for what cannot be written, with the remedy where it is another folder."""
-    why = getattr(error, "strerror", None) or error
-    where = isinstance(error, FileNotFoundError | NotADirectoryError | PermissionError)
-    remedy = "; name a file in a folder that there is and that you may write to" if where else ""
-    return SpaceArmError(f"{path} cannot be written: {why}{remedy}")
+@contextmanager
+def _kept(file: Path) -> Iterator[Path]:
+    """Keep what a file holds under another name in its folder, until it is replaced for good."""
+    kept = file.with_name(f".{token_hex(16)}.partial")
+    try:
+        try:
+            os.link(file, kept)
+        except OSError:  # some file systems have no hard links
+            shutil.copy2(file, kept)
+        with kept.open("rb") as opened_file:
+            _locked(opened_file.fileno())
+            yield kept
+    finally:
+        with suppress(OSError):
+            kept.unlink()
 
 
-def write_folder(path: Path, fill: Callable[[Path], object], mark: str) -> Path:
-    """Write a folder, whole or not at all.
+def _locked(number: int) -> bool:
+    """Lock an open file or folder; return whether it is still there and nobody else has locked it.
+
+    The system unlocks it when the process ends, in whatever way.
+    """
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # some file systems lock nothing: `remove_leftovers` removes nothing there
+        return True
+    return os.fstat(number).st_nlink > 0
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove the unfinished files and folders that killed processes have left in a folder."""
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            if UNFINISHED.fullmatch(entry.name):
+                _remove_unlocked(Path(entry.path), entry.is_dir(follow_symlinks=False))
+
+
+def _remove_unlocked(path: Path, is_folder: bool) -> None:
+    """Remove an unfinished file or folder unless a process has locked it."""
+    access = os.O_RDONLY if is_folder else os.O_RDWR  # NFS locks only files that may be written
+    with suppress(OSError):
+        number = os.open(path, access | os.O_NOFOLLOW | os.O_NONBLOCK)
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if not is_folder:
+                path.unlink()
+            elif not (path / BEFORE).exists():  # else it holds the only copy of a result
+                shutil.rmtree(path)
+        finally:
+            os.close(number)
+
+
+def _flush(number: int) -> None:
+    """Have the system write an open file, or the names in an open folder, to the disk."""
+    try:
+        os.fsync(number)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # the file system has no such call
+            raise
+
+
+def _flush_names(folder: Path) -> None:
+    """Have the system write the names in a folder to the disk."""
+    try:
+        number = os.open(folder, os.O_RDONLY)
+    except PermissionError:  # it may be written to and not be read
+        return
+    try:
+        _flush(number)
+    finally:
+        os.close(number)
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Raise errors of the system as one that names the path, with the remedy where there is one."""
+    try:
+        yield
+    except (OSError, ValueError) as error:  # ValueError: no file can have that name
+        if isinstance(error, SpaceArmError):
+            raise
+        why = getattr(error, "strerror", None) or error
+        where = isinstance(error, FileNotFoundError | NotADirectoryError | PermissionError)
+        remedy = "; name a file in a folder that exists and that you may write to" if where else ""
+        raise SpaceArmError(f"{path} cannot be written: {why}{remedy}") from None
+
+
+def write_folder(path: Path, fill: Callable[[Path], object], mark: str | None) -> Path:
+    """Write a folder, whole or not at all, and flush it to the disk.
 
     Args:
         path: The folder; an existing one is replaced if it is of the same kind.
         fill: Called with an empty folder, writes into it.
-        mark: Name of a file that all folders of this kind hold.
+        mark: Name of a file that all folders of this kind hold; None if no folder is replaced.
 
     Returns:
         The path.
@@ -192,20 +329,55 @@ def write_folder(path: Path, fill: Callable[[Path], object], mark: str) -> Path:
     Raises:
         SpaceArmError: It cannot be written, or there is something else.
     """
-    try:
-        if path.exists() and not (path / mark).is_file():
+    with _naming(path):
+        if path.exists() and not (mark and (path / mark).is_file()):
             raise SpaceArmError(f"{path} cannot be written: there is something else; name another")
         target = Path(os.path.realpath(path))
-        with TemporaryDirectory(prefix=".", suffix=".partial", dir=target.parent) as beside:
-            made = Path(beside, "made")
+        with _folder_aside(target.parent) as aside, ExitStack() as undo:
+            made = aside / "made"
             made.mkdir()
             fill(made)
-            if target.exists():
-                target.rename(Path(beside, "before"))
+            _flush_all(made)
+            before = aside / BEFORE
+            if mark and target.exists():
+                undo.callback(before.rename, target)
+                target.rename(before)
+            undo.callback(_rename_own, target, made.stat(), made)
             made.rename(target)
-    except (OSError, ValueError) as error:
-        raise _unwritten(path, error) from None
+            _flush_names(target.parent)
+            undo.pop_all()
+            with suppress(OSError):  # it remains if the process is killed now
+                if before.exists():
+                    before.rename(aside / "replaced")
     return path
+
+
+@contextmanager
+def _folder_aside(parent: Path) -> Iterator[Path]:
+    """Make a locked folder in another one; it is removed afterwards, with what is in it then."""
+    remove_leftovers(parent)
+    while True:
+        path = parent / f".{token_hex(16)}.partial"
+        path.mkdir()
+        try:
+            number = os.open(path, os.O_RDONLY)
+            try:
+                if _locked(number):
+                    yield path
+                    return
+            finally:
+                os.close(number)
+        finally:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _flush_all(folder: Path) -> None:
+    """Have the system write all files and names below a folder to the disk."""
+    for place, _, names in os.walk(folder):
+        for name in names:
+            with Path(place, name).open("rb") as file:
+                _flush(file.fileno())
+        _flush_names(Path(place))
 
 
 def name_part(name: str) -> str:

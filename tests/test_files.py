@@ -1,7 +1,12 @@
 """Files that are read and written: regular ones, up to a size."""
 
+import errno
+import itertools
 import os
+import stat
+import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -141,3 +146,193 @@ def test_no_name_leads_to_another_folder(name):
 @pytest.mark.parametrize("name", ["planar2", "ETS-VII_arm.v2", "机械臂"])
 def test_sound_names_stay(name):
     assert files.name_part(name) == name
+
+
+#: Calls of the system by which files are written, besides `open`, `write` and `unlink`.
+CALLS = ("fsync", "link", "replace", "rename", "mkdir", "fchmod")
+
+
+@contextmanager
+def failing(number, error):
+    """Have one of the calls in `CALLS`, or of Path.open, raise an error, the one with this number.
+
+    Yields:
+        The names of the calls so far.
+    """
+    made = []
+
+    def counted(name, call):
+        def run(*args, **options):
+            made.append(name)
+            if len(made) == number:
+                raise error
+            return call(*args, **options)
+
+        return run
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in CALLS:
+            patch.setattr(os, name, counted(name, getattr(os, name)))
+        patch.setattr(Path, "open", counted("open", Path.open))
+        yield made
+
+
+def content_of(folder):
+    """What the files below a folder hold."""
+    paths = [path for path in folder.rglob("*") if path.is_file()]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
+
+
+def write_one(folder):
+    files.write(folder / "a", b"new")
+
+
+def write_two(folder):
+    files.write_together({folder / name: files.writing(b"new") for name in "ab"})
+
+
+def write_marked(folder):
+    def fill(made):
+        for name in ("mark", "values"):
+            (made / name).write_bytes(b"new")
+
+    files.write_folder(folder / "made", fill, "mark")
+
+
+FULL = OSError(errno.ENOSPC, "No space left on device")
+
+
+@pytest.mark.parametrize(
+    ("write_it", "names", "there", "error"),
+    [
+        (write_one, ["a"], 0, FULL),
+        (write_one, ["a"], 1, KeyboardInterrupt()),
+        (write_two, ["a", "b"], 0, FULL),
+        (write_two, ["a", "b"], 1, FULL),
+        (write_two, ["a", "b"], 2, KeyboardInterrupt()),
+        (write_marked, ["made/mark", "made/values"], 0, KeyboardInterrupt()),
+        (write_marked, ["made/mark", "made/values"], 2, FULL),
+    ],
+)
+def test_an_error_at_any_point_leaves_all_files_as_they_were(
+    tmp_path, write_it, names, there, error
+):
+    old, new = dict.fromkeys(names[:there], b"old"), dict.fromkeys(names, b"new")
+    for number in itertools.count(1):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        for name, content in old.items():
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_bytes(content)
+        raised = False
+        with failing(number, error) as made:
+            try:
+                write_it(folder)
+            except (sa.SpaceArmError, KeyboardInterrupt):
+                raised = True
+        assert content_of(folder) == (old if raised else new), made
+        assert {path.name for path in folder.iterdir()} <= {"a", "b", "made"}, made
+        if number > len(made):
+            break
+    assert not raised
+    assert made.count("fsync") >= 2, "the file, and its folder"
+
+
+def test_files_are_flushed_before_they_are_renamed_and_folders_afterwards(tmp_path, monkeypatch):
+    done = []
+
+    def flushed(number):
+        done.append("folder" if stat.S_ISDIR(os.fstat(number).st_mode) else "file")
+
+    replace = os.replace
+    monkeypatch.setattr(os, "fsync", flushed)
+    monkeypatch.setattr(os, "replace", lambda *args: done.append("renamed") or replace(*args))
+    write_two(tmp_path)
+    assert done == ["file", "file", "renamed", "renamed", "folder"]
+
+
+def test_a_file_system_that_flushes_no_folders_is_one_to_write_to(tmp_path, monkeypatch):
+    def refuse(_):
+        raise OSError(errno.EINVAL, "Invalid argument")
+
+    monkeypatch.setattr(os, "fsync", refuse)
+    write_two(tmp_path)
+    assert content_of(tmp_path) == {"a": b"new", "b": b"new"}
+
+
+def test_a_file_system_without_hard_links_is_one_to_write_to(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", refuse)
+    for number in itertools.count(1):
+        for name in "ab":
+            (tmp_path / name).write_bytes(b"old")
+        raised = False
+        with failing(number, FULL) as made:
+            try:
+                write_two(tmp_path)
+            except sa.SpaceArmError:
+                raised = True
+        assert content_of(tmp_path) == dict.fromkeys("ab", b"old" if raised else b"new")
+        if number > len(made):
+            break
+
+
+WRITER = """
+import os, sys, time
+from pathlib import Path
+from spacearm import files
+
+def fill(file):
+    file.write(b"half")
+    file.flush()
+    print("ready", flush=True)
+    time.sleep(600)
+
+folder = Path(sys.argv[1])
+if sys.argv[2] == "file":
+    files.write_by(folder / "killed", fill)
+else:
+    files.write_folder(folder / "killed", lambda made: fill((made / "mark").open("wb")), "mark")
+"""
+
+
+@pytest.mark.parametrize("kind", ["file", "folder"])
+def test_what_a_killed_process_left_is_removed_by_the_next_and_what_is_in_use_stays(tmp_path, kind):
+    command = [sys.executable, "-c", WRITER, str(tmp_path), kind]
+    writer = subprocess.Popen(command, stdout=subprocess.PIPE)
+    assert writer.stdout.readline() == b"ready\n"
+    (unfinished,) = tmp_path.iterdir()
+    own = tmp_path / "notes.partial"
+    own.write_bytes(b"mine")
+    files.write(tmp_path / "other", b"new")
+    assert unfinished.exists(), "its process still writes"
+    writer.kill()
+    writer.wait()
+    writer.stdout.close()
+    assert unfinished.exists()
+    files.write(tmp_path / "other", b"newer")
+    assert {path.name for path in tmp_path.iterdir()} == {"notes.partial", "other"}
+
+
+def test_a_folder_that_was_being_replaced_when_its_process_was_killed_is_kept(tmp_path):
+    before = tmp_path / f".{'0123abcd' * 4}.partial" / files.BEFORE
+    before.mkdir(parents=True)
+    files.write(tmp_path / "other", b"new")
+    assert before.exists(), "it is the only copy"
+
+
+def test_what_others_put_in_the_place_of_a_new_file_stays(tmp_path, monkeypatch):
+    """Another program writes the file just before it is taken back."""
+
+    def flushed(number):
+        if stat.S_ISDIR(os.fstat(number).st_mode):
+            (tmp_path / "theirs").write_bytes(b"theirs")
+            (tmp_path / "theirs").replace(tmp_path / "a")
+            raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(os, "fsync", flushed)
+    with pytest.raises(sa.SpaceArmError, match="a cannot be written: Input/output error"):
+        write_one(tmp_path)
+    assert content_of(tmp_path) == {"a": b"theirs"}

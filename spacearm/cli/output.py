@@ -326,7 +326,10 @@ def _finite(value: Any) -> Any:
 
 def save_phases(flight: Flight, path: Path | None) -> list[Path]:
     """Write each phase of a flight to a file with its number, if a path is given; return these."""
-    names = [path.with_stem(f"{path.stem}_{i}") for i in range(len(flight.phases))] if path else []
-    for name, run in zip(names, flight.phases, strict=False):
-        run.save(name)
-    return names
+    if path is None:
+        return []
+    from spacearm.motion.motion import save_together  # loaded by whoever has made the flight
+
+    numbered = {path.with_stem(f"{path.stem}_{i}"): run for i, run in enumerate(flight.phases)}
+    save_together(numbered)
+    return [*numbered]

@@ -28,7 +28,7 @@ from spacearm.equations.linear_algebra import bidiagonal
 from spacearm.equations.measures import distance, singularity
 from spacearm.equations.servo import Limits, Memory, Seen, Tick, packed, shapes, unpacked
 from spacearm.errors import ConfigurationError, UnsupportedError, imported, require_known
-from spacearm.files import name_part, write
+from spacearm.files import name_part, write_together, writing
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mechanics.distance import FADING
 from spacearm.mechanics.jacobian import plane_of_motion
@@ -341,8 +341,9 @@ def to_c(
 ) -> tuple[Path, Path]:
     """Write an arm as C99: J*, momentum, dynamics, S, sigma_min, the distance to the singular set.
 
-    The code needs nothing but <math.h>, allocates nothing and keeps no state; loops have a bound,
-    and nothing is recursive.
+    Header and source are written together: after an error both are what they were before. The code
+    needs nothing but <math.h>, allocates nothing and keeps no state; loops have a bound, and
+    nothing is recursive.
     Names in the code begin with the name of the arm, NAME here; matrices are written row by row, in
     spacecraft axes.
 
@@ -382,6 +383,7 @@ def to_c(
     Raises:
         ConfigurationError: There is no such mode or parameter; the servo is of another arm or mode.
         UnsupportedError: The arm can have no servo.
+        SpaceArmError: The files cannot be written.
 
     Example:
         >>> import spacearm as sa
@@ -422,8 +424,11 @@ def to_c(
         *writer.code.functions,
         *writer.definitions,
     ))  # fmt: skip
-    there = Path(folder) / f"{name}.h", Path(folder) / f"{name}.c"
-    return write(there[0], header.encode()), write(there[1], source.encode())
+    header_path = Path(folder) / f"{name}.h"
+    source_path = Path(folder) / f"{name}.c"
+    texts = {header_path: header, source_path: source}
+    write_together({path: writing(text.encode()) for path, text in texts.items()})
+    return header_path, source_path
 
 
 class _Writer:

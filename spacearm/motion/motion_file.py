@@ -21,7 +21,6 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.files import write
 
 Kind = TypeVar("Kind")
 Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
@@ -99,14 +98,8 @@ def check_suffix(path: str | os.PathLike[str]) -> None:
         )
 
 
-def save(path: str | os.PathLike[str], motion: Any, layout: Layout) -> None:
-    """Write a motion to a file, whole or not at all.
-
-    Raises:
-        ConfigurationError: The path does not end in .npz.
-        SpaceArmError: The file cannot be written.
-    """
-    check_suffix(path)
+def content(motion: Any, layout: Layout) -> bytes:
+    """Return the content of the file of a motion."""
     joints = motion.arm.joint_names
     words = {"kind": layout.kind, "mode": motion.mode, "joints": joints}
     arrays: Arrays = {name: np.array(word) for name, word in words.items()}
@@ -127,7 +120,7 @@ def save(path: str | os.PathLike[str], motion: Any, layout: Layout) -> None:
         arrays[name] = np.array([*rows.values()], np.float64).reshape(len(rows), len(motion.t), 6)
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
-    write(Path(path), buffer.getvalue())
+    return buffer.getvalue()
 
 
 def word(arrays: Arrays, name: str) -> str:

@@ -1,7 +1,10 @@
 """The command `spacearm simulate`, from outside."""
 
+import errno
 import json
+import os
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +12,7 @@ from helpers.commands import spacearm
 
 import spacearm as sa
 from spacearm.cli.app import main
+from spacearm.cli.output import save_phases
 from spacearm.cli.wording import join_numbers
 from spacearm.sweeps.motion_tables import read_phases
 from spacearm.sweeps.toml import parse
@@ -166,6 +170,29 @@ def test_phases_from_a_file_keep_the_momentum(tmp_path):
     np.testing.assert_allclose(held[0, :2] - before[-1, :2], brought, atol=1e-9)
     np.testing.assert_allclose(held[-1, :2] - held[0, :2], [0.0, 2.0], atol=1e-6)
     np.testing.assert_allclose(after[-1], after[0], atol=1e-9)
+
+
+def test_the_files_of_phases_are_all_new_or_all_as_they_were(tmp_path, monkeypatch):
+    motion = sa.Motion(sa.load("planar2"), [0.0, 1.0], np.zeros((2, 2)), np.eye(7)[[6, 6]])
+    flight = SimpleNamespace(phases=[motion, motion, motion])
+    old = {tmp_path / f"run_{i}.npz": b"old" for i in range(2)}
+    for path, content in old.items():
+        path.write_bytes(content)
+    replace, made = os.replace, []
+
+    def replace_two(*paths):
+        made.append(paths)
+        if len(made) == 3:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        replace(*paths)
+
+    monkeypatch.setattr(os, "replace", replace_two)
+    with pytest.raises(sa.SpaceArmError, match=r"run_2.npz cannot be written: No space left"):
+        save_phases(flight, tmp_path / "run.npz")
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == old
+    assert len(save_phases(flight, tmp_path / "run.npz")) == 3
+    for path in tmp_path.iterdir():
+        np.testing.assert_array_equal(sa.Motion.load(path, motion.arm).t, motion.t)
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import ctypes
 import subprocess
+import sys
 from functools import partial
 
 import numpy as np
@@ -245,3 +246,28 @@ def test_names_are_those_of_c(tmp_path):
     assert header.stem.isascii()
     assert header.read_text().count("*/") == header.read_text().count("/*")
     assert "malloc" not in source.read_text()
+
+
+def test_header_and_source_are_both_new_or_both_old(tmp_path):
+    """No file may be as long as the source, as on a full disk."""
+    header, source = sa.to_c(sa.load("planar2"), tmp_path)
+    header_size, source_size = header.stat().st_size, source.stat().st_size
+    assert header_size < source_size
+    script = f"""
+import resource, spacearm as sa
+from pathlib import Path
+limit = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+arm, folder = sa.load("planar2"), Path({str(tmp_path)!r})
+resource.setrlimit(resource.RLIMIT_FSIZE, ({source_size - 1}, limit))
+for old in (b"old", None):
+    for path in folder.iterdir():
+        path.write_bytes(old) if old else path.unlink()
+    try:
+        sa.to_c(arm, folder)
+    except sa.SpaceArmError as error:
+        print(error)
+    print([(path.suffix, path.read_bytes()) for path in sorted(folder.iterdir())])
+"""
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    error = f"{source} cannot be written: File too large"
+    assert run.stdout.splitlines() == [error, "[('.c', b'old'), ('.h', b'old')]", error, "[]"], run
