@@ -12,6 +12,7 @@ that goes on. Nothing is shown elsewhere, in other threads and processes, and wi
 
 from __future__ import annotations
 
+import ast
 import inspect
 import math
 import multiprocessing
@@ -27,6 +28,7 @@ from functools import cache, partial, wraps
 from html import escape
 from itertools import islice
 from numbers import Integral, Real
+from textwrap import dedent
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -464,8 +466,26 @@ def _require_shape(
 def _stated(thing: Callable[..., object], name: str) -> tuple[str, ...]:
     """Return the shape that the docstring states of an argument: numbers, letters, products."""
     entry = rf"^ +{name}: \(([^()]*,[^()]*)\)(?! or)"
-    found = re.search(entry, inspect.getdoc(thing) or "", re.MULTILINE)
+    found = re.search(entry, _docstring(thing), re.MULTILINE)
     return tuple(filter(None, map(str.strip, found[1].split(",")))) if found else ()
+
+
+@cache
+def _docstring(thing: Callable[..., object]) -> str:
+    """Return the docstring of a function or a class, also where `python -OO` has dropped it.
+
+    Checks and messages are then the same; the docstring is read from the source, if there is one.
+    """
+    if sys.flags.optimize < 2:
+        return inspect.getdoc(thing) or ""
+    try:
+        source = dedent(inspect.getsource(thing))
+    except (OSError, TypeError):
+        return ""
+    (defined,) = ast.parse(source).body
+    if not isinstance(defined, ast.ClassDef | ast.FunctionDef):
+        return ""
+    return ast.get_docstring(defined) or ""
 
 
 def fits(value: object, hint: Hint) -> bool:
@@ -619,7 +639,7 @@ def _no_such(
 def _told(thing: Callable[..., object], name: str) -> str:
     """Return what the docstring says of an argument, its first sentence in brackets."""
     entry = rf"^ +{name}: (.+?)(?=\n *\n|\n +\w+: |\Z)"
-    found = re.search(entry, inspect.getdoc(thing) or "", re.MULTILINE | re.DOTALL)
+    found = re.search(entry, _docstring(thing), re.MULTILINE | re.DOTALL)
     if not found:
         return ""
     sentence = re.split(r"(?<=\S)[.;:] ", " ".join(found[1].split()) + " ")[0]

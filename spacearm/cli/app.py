@@ -8,10 +8,9 @@ import re
 import sys
 import warnings
 from collections.abc import Callable
-from functools import cache, wraps
+from functools import wraps
 from importlib import import_module
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 from typer.core import TyperGroup
@@ -21,42 +20,247 @@ from typer.main import get_command
 from spacearm.cli.wording import INTERRUPTED, NUMBER, in_own_words, join_numbers
 from spacearm.errors import SpaceArmError, printable
 
-#: Name and place of each command, in the order of the help.
-PLACES = """
-models:models.list_models info:models.describe_model mount:models.mount_arm
-convert:models.convert_robot query:queries.report_singularity nearest:queries.find_nearest
-box:boxes.find_box boxes:boxes.cover_by_boxes path:queries.check_path
-view:views.view_configuration map:queries.draw_singular_map
-workspace:workspaces.compute_workspace risk:workspaces.compute_risk
-design:workspaces.sweep_designs plan:plans.plan_motion follow:plans.follow_path
-detumble:plans.detumble_motion attitudes:missions.find_attitudes catch:missions.find_catch
-hold:missions.hold_target identify:missions.identify_held reaction:missions.report_reaction
-wheels:missions.size_wheels_of report:missions.write_report simulate:simulations.simulate_motion
-watch:simulations.watch_states capture:queries.compute_capture sweep:sweeps.run_study
-"""
+
+class Command(NamedTuple):
+    """A command.
+
+    Attributes:
+        place: Its module in this folder, and its function there.
+        help: What --help prints; the first paragraph is the summary in the list of commands.
+    """
+
+    place: str
+    help: str
+
+    @property
+    def summary(self) -> str:
+        """The first paragraph of the help."""
+        return self.help.partition("\n\n")[0]
+
+
+#: What --help says of the whole.
+ABOUT = "Find where a free-floating space manipulator cannot move, and why."
+#: The commands by their names, in the order of the list of commands. The help is data and no
+#: docstring: `python -OO` drops docstrings, and the list is printed without importing a command.
+COMMANDS = {
+    "models": Command(
+        "models.list_models", "List the models of the catalogue and the arms to mount on a bus."
+    ),
+    "info": Command(
+        "models.describe_model", "Show bodies, masses, joints, limits, tip and task of a robot."
+    ),
+    "mount": Command(
+        "models.write_urdf",
+        """Mount an arm on a bus (--bus) and write both as one URDF.
+
+        Joints and moving links keep the names that they have in the arm's file. If --name is given,
+        or if the bus already has one of these names, all of them get the arm's name as a prefix.
+        """,
+    ),
+    "convert": Command(
+        "models.write_urdf",
+        """Write a robot of any supported format as a URDF.
+
+        The URDF contains the tips, locked joints, wheels and home positions, the masses by
+        --density and the meshes as --up-axes rotates them: it loads without these options. It does
+        not contain --task and --joints: give them again.
+        """,
+    ),
+    "query": Command(
+        "queries.report_singularity",
+        "Report whether a posture is singular and which motions are lost.",
+    ),
+    "nearest": Command(
+        "queries.find_nearest", "Find the singular posture that is nearest to a posture."
+    ),
+    "box": Command(
+        "boxes.find_box",
+        """Find joint ranges that contain no singular posture (certified).
+
+        The ranges contain the given posture, or with --motion a whole motion.
+        """,
+    ),
+    "boxes": Command(
+        "boxes.cover_by_boxes",
+        """Cover the joint space by singularity-free boxes (certified).
+
+        With --to, the command also finds a path through the boxes from one posture to another.
+        Ctrl-C keeps the boxes found so far.
+        """,
+    ),
+    "path": Command("queries.check_path", "Certify that a joint path meets no singular posture."),
+    "view": Command(
+        "views.view_configuration",
+        """Show a posture or play a motion in the viewer.
+
+        The viewer has sliders for the joints. If the robot's file closes a chain, the sliders keep
+        it closed. Ctrl-C closes the viewer.
+        """,
+    ),
+    "map": Command(
+        "queries.draw_singular_map",
+        """Map the distance to the singular set over two joints.
+
+        The exact singular curves are drawn on top. Ctrl-C keeps the results so far.
+        """,
+    ),
+    "workspace": Command(
+        "workspaces.compute_workspace",
+        """Compute the path dependent and path independent workspaces.
+
+        Ctrl-C keeps the results so far.
+        """,
+    ),
+    "risk": Command(
+        "workspaces.compute_risk",
+        """Estimate the share of postures that are near a singularity.
+
+        The share is given by the distance of the tip from the system CM. Ctrl-C keeps the results
+        so far.
+        """,
+    ),
+    "design": Command(
+        "workspaces.sweep_designs",
+        """Compare designs: masses, lengths, the mounting point.
+
+        The measures are the path independent fraction of the workspace and, for a free-floating
+        spacecraft, the share of postures near a singular one. Ctrl-C keeps the designs computed so
+        far.
+        """,
+    ),
+    "plan": Command(
+        "plans.plan_motion",
+        """Plan a joint motion that brings the tip to a goal.
+
+        Ctrl-C keeps the best attempt. --with gives all arguments of sa.plan: start, goal, via,
+        final_attitude, final_twist, duration, mode, origin, constraints, search. With
+        search.boxes=FILE the planner also uses the boxes written by spacearm boxes --keep FILE.
+        """,
+    ),
+    "follow": Command(
+        "plans.follow_path",
+        """Follow a Cartesian path from a CSV file with J*.
+
+        Each line of the file contains the task components of the tip [m], with rotations as roll,
+        pitch, yaw [rad], with --deg in degrees. If the file has one column more, the first column
+        is the time [s]; else the path is followed at constant speed. A first line of names is
+        skipped.
+
+        The exit code is 3 if the arm stops before the end of the path. --with gives the other
+        arguments of sa.follow: start, origin, mode, speed, at_rest, limits.
+        """,
+    ),
+    "detumble": Command(
+        "plans.detumble_motion",
+        """Plan a motion after which wheels keep the spacecraft at rest.
+
+        The start has momentum: the spacecraft tumbles. --with gives all arguments of sa.detumble:
+        start with its momentum, goal, final_attitude, duration, origin, constraints with wheels,
+        search.
+        """,
+    ),
+    "attitudes": Command(
+        "missions.find_attitudes",
+        """Find the attitudes from which the tip can follow a path.
+
+        Joint values near the start of the path select one branch of postures; without joint values
+        all branches are tried. --with gives the other arguments of sa.feasible_attitudes: start
+        with its momentum, speed, refine, seed.
+        """,
+    ),
+    "catch": Command(
+        "missions.find_catch",
+        """Plan when and how the arm catches a tumbling target.
+
+        At contact the relative velocity of tip and target is zero; then the joints bring the arm
+        and the target to rest.
+
+        --with gives the other arguments of sa.catch: start, approach, closing, touching, bears,
+        wanted, mode, constraints, search; and, by grapple=[{"left":"a"},{"right":"b"}], tips that
+        grasp one after the other.
+        """,
+    ),
+    "hold": Command(
+        "missions.hold_target",
+        """Close a chain of tips and target, and report its singularities.
+
+        Joints and target move from a rough start until all grasps are closed. The report says
+        whether the closed chain is singular, which motions are lost, and which motion leads away
+        from the singularity.
+
+        --with gives the other arguments of sa.hold: start, limits, seed. exact=false gives the
+        first-order estimate of the distance, without a search for the nearest singular posture.
+        regrasp.tip=left and regrasp.grasp=ring, or a table regrasp with the arguments of
+        Held.regrasp, plan how that tip regrasps. --save then writes the posture after it.
+        """,
+    ),
+    "identify": Command(
+        "missions.identify_held",
+        """Identify the payload from measured rates.
+
+        The mass, CM and inertia of the payload follow from the conservation of momentum. MODEL is
+        the arm without payload.
+        """,
+    ),
+    "reaction": Command(
+        "missions.report_reaction",
+        """Report the effect of a motion on the spacecraft and its wheels.
+
+        The wheel loads are those that keep the attitude constant.
+        """,
+    ),
+    "wheels": Command(
+        "missions.size_wheels_of",
+        """Compute the momentum that wheels need to keep the attitude.
+
+        The arm moves along given motions, or so that the tip has a given speed.
+        """,
+    ),
+    "report": Command(
+        "missions.write_report",
+        """Write a design report on one page.
+
+        It shows the arm, its singular sets, workspaces and reactions. Joint values give the working
+        posture; the default is a posture far from singularities.
+        """,
+    ),
+    "simulate": Command(
+        "simulations.simulate_motion",
+        """Simulate an arm under a control law.
+
+        The picture shows the path of the tip, the attitude, the joints and sigma_min.
+
+        --with gives all arguments of sa.simulate: start, controller, plant, sampling, integration,
+        mode, origin, stop, dq; or [[phases]] of sa.simulate_phases. Ctrl-C keeps the results so
+        far.
+        """,
+    ),
+    "watch": Command(
+        "simulations.watch_states",
+        """Warn when joint states come near a singular posture.
+
+        The command reads a stream of joint states, one in each line. The warning comes --ahead
+        seconds early.
+        """,
+    ),
+    "capture": Command(
+        "queries.compute_capture",
+        """Compute the velocities just after the tip grasps a moving body.
+
+        The tip is at rest before; the body moves and spins.
+        """,
+    ),
+    "sweep": Command(
+        "sweeps.run_study",
+        """Compute a study chunk by chunk, or resume a stopped one.
+
+        To resume, run the same command again.
+        """,
+    ),
+}
 HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 #: Commands without numbers: whatever starts with a minus sign is an option.
 NO_NUMBERS = ("models", "sweep")
-
-
-@cache
-def _source(module: str) -> str:
-    return Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
-
-
-def _summary(place: str) -> str:
-    """Return the first line of the docstring of a command, whose module is not imported."""
-    module, _, function = place.partition(".")
-    first = rf'^(?:def )?{function}\b.*?"""([^"\n]+)'
-    found = re.search(first, _source(module), re.DOTALL | re.MULTILINE)
-    return found[1] if found else ""
-
-
-#: Place and summary of each command; a module is imported when its command is called.
-COMMANDS = {
-    name: (place, _summary(place))
-    for name, _, place in (word.partition(":") for word in PLACES.split())
-}
 
 
 class LazyGroup(TyperGroup):
@@ -73,19 +277,20 @@ def application() -> typer.Typer:
     app = typer.Typer(
         cls=LazyGroup, context_settings=HELP, pretty_exceptions_enable=False, rich_markup_mode=None
     )
-    app.callback(invoke_without_command=True)(options)
-    for name, (_, summary) in COMMANDS.items():
-        app.command(name, help=summary)(lambda: None)
+    app.callback(invoke_without_command=True, help=ABOUT)(options)
+    for name, known in COMMANDS.items():
+        app.command(name, help=known.help, short_help=known.summary)(lambda: None)
     return app
 
 
 def command(name: str) -> Any:
     """Import a command."""
-    module, _, function = COMMANDS[name][0].rpartition(".")
+    place, text = COMMANDS[name]
+    module, _, function = place.rpartition(".")
     run = getattr(import_module(f"spacearm.cli.{module}"), function)
     settings = HELP if name in NO_NUMBERS else HELP | {"ignore_unknown_options": True}
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-    alone.command(name, context_settings=settings)(_stoppable(run))
+    alone.command(name, help=text, context_settings=settings)(_stoppable(run))
     return get_command(alone)
 
 
@@ -111,7 +316,7 @@ def options(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
 ) -> None:
-    """Find where a free-floating space manipulator cannot move, and why."""
+    """Print the version or the list of commands; the options without a command."""
     if version:
         from spacearm import __version__
 

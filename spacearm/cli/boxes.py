@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 
 import spacearm as sa
 from spacearm.arrays import Array
@@ -23,33 +24,50 @@ from spacearm.singularities.box_graph import MOST, SHARE
 def find_box(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
-    motion: Path | None = None,
-    widest: list[str] | None = None,
-    uncertain: list[str] | None = None,
-    at_least: float | None = None,
-    clearance: float = 0.0,
+    motion: Annotated[Path | None, typer.Option(help="A saved motion.")] = None,
+    widest: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT", help="Joint whose range grows first; may be repeated."),
+    ] = None,
+    uncertain: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LINK[:KIND]=SPREAD",
+            help="Certify the ranges for all masses of a link: a fraction up and down, or two "
+            "bounds [kg]. LINK:inertia does the same with the inertia, with factors as "
+            "bounds; LINK:com moves the CM up and down each axis [m]. May be repeated.",
+        ),
+    ] = None,
+    at_least: Annotated[
+        float | None,
+        typer.Option(help="Width that every range must have [rad], with --deg in degrees."),
+    ] = None,
+    clearance: Annotated[
+        float,
+        typer.Option(
+            help="Least distance between the postures in the ranges and the singular set "
+            "[rad], with --deg in degrees."
+        ),
+    ] = 0.0,
     no_limits: opt.NoLimits = False,
     mode: opt.Mode = "free-floating",
-    save: opt.Written = None,
-    urdf: opt.Written = None,
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TOML", help="Write the ranges to a TOML file.", callback=opt.to_write
+        ),
+    ] = None,
+    urdf: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="URDF",
+            help="Write the robot with the ranges as its joint limits.",
+            callback=opt.to_write,
+        ),
+    ] = None,
     deg: bool = False,
 ) -> Answer:
-    """Prove joint ranges about a posture free of singular ones.
-
-    With --motion, the ranges contain a motion in place of a posture.
-
-    Options:
-        motion: A saved motion.
-        widest (JOINT): Joint whose range grows first; may be repeated.
-        uncertain (LINK[:KIND]=SPREAD): Prove for all masses of a link: a share up or down, or two
-            bounds [kg]. LINK:inertia likewise, with factors as bounds; LINK:com up or down each
-            axis [m]. May be repeated.
-        at_least: Width that all ranges must have [rad], with --deg in degrees.
-        clearance: Least distance from any posture in the ranges to a singular one [rad], with --deg
-            in degrees.
-        save (TOML): Write the ranges to a TOML file.
-        urdf (URDF): Write the robot with the ranges as its limits.
-    """
+    """Find a singularity-free box."""
     if motion is not None and q:
         raise sa.ConfigurationError("joint values and --motion are both given; give one of them")
     about = opt.configuration(arm, q, None, deg) if motion is None else sa.Motion.load(motion, arm)
@@ -75,28 +93,41 @@ def find_box(
 def cover_by_boxes(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
-    to: str | None = None,
-    way: opt.Written = None,
-    share: float = SHARE,
-    most: int = MOST,
-    keep: opt.Written = None,
+    to: Annotated[
+        str | None,
+        typer.Option(
+            metavar="Q1,Q2,...", help="Find a path through the boxes to these joint values."
+        ),
+    ] = None,
+    way: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="CSV",
+            help="Write this path to a CSV file [rad], [m]; spacearm path reads it.",
+            callback=opt.to_write,
+        ),
+    ] = None,
+    share: Annotated[
+        float, typer.Option(help="Fraction of the joint space to cover, at most 1.")
+    ] = SHARE,
+    most: Annotated[
+        int,
+        typer.Option(help="Maximum number of cells to examine, including those that are halved."),
+    ] = MOST,
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="NPZ",
+            help="Write the boxes to this file. If the file exists, resume from its boxes. "
+            "spacearm plan --with search.boxes=FILE plans through them.",
+            callback=opt.to_write,
+        ),
+    ] = None,
     no_limits: opt.NoLimits = False,
     mode: opt.Mode = "free-floating",
     deg: bool = False,
 ) -> Answer:
-    """Cover joint space by ranges free of singular postures.
-
-    With --to, it also finds a path from one posture to another. Everything is proven, rounding
-    included. Ctrl-C keeps the ranges found so far.
-
-    Options:
-        to (Q1,Q2,...): Find a path through the ranges to these joint values.
-        way (CSV): Write this path to a CSV file [rad], [m]; `spacearm path` takes it.
-        share: Share of the joint range to cover, up to 1.
-        most: Largest number of cells to look at, including those that are halved.
-        keep (NPZ): Write the ranges to this file; if it exists, resume from its contents.
-            spacearm plan --with search.boxes=FILE goes through them.
-    """
+    """Cover the joint space by singularity-free boxes."""
     start = [opt.joint_values(arm, q, deg)] if q else []
     if (to is None) != (not q) or (way and to is None):
         raise sa.ConfigurationError("give joint values and --to for a way, --way to write it")

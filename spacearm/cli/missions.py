@@ -26,27 +26,28 @@ from spacearm.sweeps.toml import Table
 @opt.answering("attitudes", "view")
 def find_attitudes(
     arm: sa.SpaceArm,
-    corner: list[str],
+    corner: Annotated[
+        list[str],
+        typer.Option(
+            metavar="X1 X2 ...",
+            help="A corner of the path, its start first: task components of the tip relative "
+            "to the system CM [m], rotations as roll pitch yaw. Give two or more.",
+        ),
+    ],
     q: opt.JointValues = None,
     attitude: opt.Attitude = None,
-    margin: Annotated[float | None, typer.Option(min=0)] = None,
-    samples: int | None = None,
+    margin: Annotated[
+        float | None,
+        typer.Option(help="Least distance to the singular set [rad]. Default: 1 degree.", min=0),
+    ] = None,
+    samples: Annotated[
+        int | None, typer.Option(help="Number of attitudes in the first pass.")
+    ] = None,
     no_limits: opt.NoLimits = False,
     more: With = None,
     deg: bool = False,
 ) -> sa.FeasibleAttitudes:
-    """Find the attitudes from which the tip can follow a path.
-
-    Joint values, of a posture near the start of the path, choose one branch of postures; without
-    them all branches are tried. --with gives what else sa.feasible_attitudes takes: start with its
-    momentum, speed, refine, seed.
-
-    Options:
-        corner (X1 X2 ...): A corner of the path, its start first: task rows of the tip, from the
-            system CM [m], turns as roll pitch yaw. Give two or more.
-        margin: Least distance to the singular set [rad]; 1 degree by default.
-        samples: Number of attitudes tried at first.
-    """
+    """Find feasible attitudes for a path of the tip."""
     told = ("speed", "refine", "seed", "length")
     asked = question(more, "start", *told)
     anywhere = not q and "q" not in asked.inner("start").values
@@ -69,32 +70,40 @@ def find_attitudes(
 @opt.answering("catch", "save", "view")
 def find_catch(
     arm: sa.SpaceArm,
-    target: Path,
+    target: Annotated[
+        Path,
+        typer.Option(
+            metavar="TOML",
+            help="The target, with the names of sa.Target: body (a robot file, or mass, size, "
+            "inertia, com), pose, twist, grapples, orbit, up_axes.",
+        ),
+    ],
     q: opt.JointValues = None,
-    window: str = "0,60",
-    grapple: list[str] | None = None,
-    fly: bool = False,
+    window: Annotated[
+        str, typer.Option(metavar="FROM,TO", help="Earliest and latest time of contact [s].")
+    ] = "0,60",
+    grapple: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FRAME|TIP=FRAME",
+            help="Grapple frame to grasp. Default: any of them. If several tips grasp at the "
+            "same time, give TIP=FRAME once for each tip.",
+        ),
+    ] = None,
+    fly: Annotated[
+        bool,
+        typer.Option(
+            "--fly",
+            help="Simulate the capture, from the approach to rest; --save then writes one file "
+            "for each phase.",
+        ),
+    ] = False,
     attitude: opt.Attitude = None,
     save: opt.Save = None,
     more: With = None,
     deg: bool = False,
 ) -> Answer:
-    """Find when and how the arm catches a tumbling target.
-
-    At contact the tip has the target's velocity; then the joints brake arm and target.
-
-    --with gives what else sa.catch takes: start, approach, closing, touching, bears, wanted,
-    mode, constraints, search; and, by grapple=[{"left":"a"},{"right":"b"}], tips that grasp one
-    after the other.
-
-    Options:
-        target (TOML): The target, with the names of sa.Target: body (a robot file, or mass, size,
-            inertia, com), pose, twist, grapples, orbit, up_axes.
-        window (FROM,TO): Earliest and latest contact [s].
-        grapple (FRAME|TIP=FRAME): Grapple frame to grasp; any of them by default. With
-            several tips that grasp at the same time, once for each tip.
-        fly: Simulate the catch, from the approach to rest; --save gives each phase a file.
-    """
+    """Plan a capture."""
     one = grapple[0] if grapple and grapple[1:] == [] and "=" not in grapple[0] else None
     form = "one frame, or TIP=FRAME once for each tip"
     by_tip = {} if one else opt.pairs("--grapple", grapple, form)
@@ -124,34 +133,46 @@ def find_catch(
 def hold_target(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
-    target: Path | None = None,
-    grasp: list[str] | None = None,
-    fixed: bool = False,
+    target: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TOML",
+            help="The grasped target and its rough pose, with the names of sa.Target, as for "
+            "spacearm catch. Without it the tips hold a fixed structure, such as the "
+            "handrails of a station.",
+        ),
+    ] = None,
+    grasp: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="TIP=FRAME|TIP=X,Y,Z[,R,P,Y]",
+            help="What a tip grasps: a grapple frame of the target, or a pose in the target's "
+            "frame (for a fixed structure in the inertial frame). Give it once for each "
+            "tip. Not needed if the robot's file closes a chain, or with --tip LINK=LINK.",
+        ),
+    ] = None,
+    fixed: Annotated[
+        bool,
+        typer.Option(
+            "--fixed",
+            help="Keep the target where it is; for a fixed structure, keep the spacecraft "
+            "where it is.",
+        ),
+    ] = False,
     attitude: opt.Attitude = None,
     mode: opt.Mode = "free-floating",
     more: With = None,
-    save: opt.Written = None,
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TOML",
+            help="Write the posture; other commands read the file in place of joint values.",
+            callback=opt.to_write,
+        ),
+    ] = None,
     deg: bool = False,
 ) -> Answer:
-    """Find how tips hold a target, and what they can do.
-
-    Joints and target move from a rough start until all grasps are closed. The answer says whether
-    the closed chain is singular, what is lost, and which motion leads away.
-
-    --with gives what else sa.hold takes: start, limits, seed. exact=false only estimates the
-    distance, without a search for the nearest singular posture. regrasp.tip=left and
-    regrasp.grasp=ring, or a table regrasp of what Held.regrasp takes, plan how that hand regrasps.
-    --save then writes the posture after it.
-
-    Options:
-        target (TOML): What is held, and roughly where, with the names of sa.Target, as for
-            spacearm catch; without it the fixed world is held, such as handrails of a station.
-        grasp (TIP=FRAME|TIP=X,Y,Z[,R,P,Y]): What a tip holds: a grapple frame of the target, or a
-            pose in the target's frame (for the fixed world in the inertial frame). Once for each
-            tip. Not needed if the file closes a chain, or with --tip LINK=LINK.
-        fixed: Keep the target where it is; if the fixed world is held, keep the spacecraft.
-        save (TOML): Write the posture; commands take the file in place of joint values.
-    """
+    """Close a chain and report its singularities."""
     given = opt.pairs("--grasp", grasp, "TIP=FRAME or TIP=X,Y,Z[,R,P,Y], once for each tip")
     if given and set(arm.tips) != set(given):
         arm = arm.replace(tip=list(given))
@@ -209,19 +230,28 @@ def _grasp(tip: str, text: str, deg: bool) -> str | pin.SE3:
 
 
 @opt.answering("identified")
-def identify_held(arm: sa.SpaceArm, motion: Path, noise: str | None = None) -> sa.Identified:
-    """Identify what the hand holds from measured rates.
-
-    Its mass, CM and inertia follow from the conservation of momentum. MODEL is the arm with its
-    hand empty.
-
-    Options:
-        motion (CSV|NPZ): The measurements: a table (CSV) with the column names of sa.write_motion,
-            't [s]', 'q JOINT [rad]' and 'base x [m]' to 'base qw [1]', and better also 'dq JOINT
-            [rad/s]' and 'twist vx [m/s]' to 'twist wz [rad/s]'. Or a motion that --save wrote.
-        noise (V,W,DQ): Standard deviations of the spacecraft's velocity [m/s] and angular velocity
-            [rad/s], and of joint rates; found from the residuals by default.
-    """
+def identify_held(
+    arm: sa.SpaceArm,
+    motion: Annotated[
+        Path,
+        typer.Option(
+            metavar="CSV|NPZ",
+            help="The measurements: a table (CSV) with the column names of sa.write_motion, 't "
+            "[s]', 'q JOINT [rad]' and 'base x [m]' to 'base qw [1]', and better also 'dq "
+            "JOINT [rad/s]' and 'twist vx [m/s]' to 'twist wz [rad/s]'. Or a motion "
+            "written by --save.",
+        ),
+    ],
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            metavar="V,W,DQ",
+            help="Standard deviations of the spacecraft's velocity [m/s] and angular velocity "
+            "[rad/s], and of the joint rates. Default: estimated from the residuals.",
+        ),
+    ] = None,
+) -> sa.Identified:
+    """Identify the payload."""
     dq, twist = None, None
     if motion.suffix == ".csv":
         measured, dq, twist = read_measured(motion, arm)
@@ -232,15 +262,19 @@ def identify_held(arm: sa.SpaceArm, motion: Path, noise: str | None = None) -> s
 
 
 @opt.answering("reaction")
-def report_reaction(arm: sa.SpaceArm, motion: Path, camera: str | None = None) -> sa.Reaction:
-    """Report what a motion does to the spacecraft and its wheels.
-
-    The loads of the wheels are those of holding the attitude.
-
-    Options:
-        motion (NPZ): A motion written by --save of plan or simulate.
-        camera (X,Y,Z): Line of sight of a camera, spacecraft axes.
-    """
+def report_reaction(
+    arm: sa.SpaceArm,
+    motion: Annotated[
+        Path, typer.Option(metavar="NPZ", help="A motion written by --save of plan or simulate.")
+    ],
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,Z", help="Line of sight of a camera, expressed in the spacecraft frame."
+        ),
+    ] = None,
+) -> sa.Reaction:
+    """Report the effect of a motion on the spacecraft."""
     sight = None if camera is None else opt.numbers("--camera", camera, 3)
     with working("computing reactions") as progress:
         return sa.reaction(sa.Motion.load(motion, arm), camera=sight, progress=progress)
@@ -249,25 +283,26 @@ def report_reaction(arm: sa.SpaceArm, motion: Path, camera: str | None = None) -
 @opt.answering("wheels")
 def size_wheels_of(
     arm: sa.SpaceArm,
-    tip_speed: float | None = None,
-    motion: list[Path] | None = None,
-    samples: Annotated[int, typer.Option(min=1)] = 2000,
-    near: float | None = None,
-    seed: int = 0,
+    tip_speed: Annotated[
+        float | None,
+        typer.Option(help="Speed of the tip [m/s], in any direction and at any posture."),
+    ] = None,
+    motion: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="NPZ", help="A motion in place of --tip-speed; may be repeated."),
+    ] = None,
+    samples: Annotated[int, typer.Option(help="Number of postures.", min=1)] = 2000,
+    near: Annotated[
+        float | None,
+        typer.Option(
+            help="Leave out postures that are nearer to a singular posture than this [rad], "
+            "with --deg in degrees. Default: 5 degrees."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the postures.")] = 0,
     deg: bool = False,
 ) -> sa.WheelSizing:
-    """Compute how much momentum wheels need to hold the attitude.
-
-    The arm moves meanwhile: along given motions, or so that the tip has a given speed.
-
-    Options:
-        tip_speed: Speed of the tip [m/s], in any direction and any posture.
-        motion (NPZ): A motion in place of --tip-speed; may be repeated.
-        samples: Number of postures.
-        near: Leave out postures nearer to a singular one than this [rad], with --deg in
-            degrees; 5 degrees by default.
-        seed: Seed of the postures.
-    """
+    """Compute the momentum that wheels need."""
     with working("sizing wheels") as progress:
         return sa.size_wheels(
             arm,
@@ -283,19 +318,16 @@ def size_wheels_of(
 @opt.on_a_model
 def write_report(
     arm: sa.SpaceArm,
-    output: Annotated[Path, typer.Option("--output", "-o", callback=opt.to_write)],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="HTML", help="The page to write.", callback=opt.to_write
+        ),
+    ],
     q: opt.JointValues = None,
     deg: bool = False,
 ) -> None:
-    """Write a design report, one page.
-
-    It shows the arm, its singular sets, workspaces and reactions.
-
-    Joint values give the working posture; by default it is one far from singularities.
-
-    Options:
-        output (HTML): The page to write.
-    """
+    """Write a design report."""
     from spacearm.plots.report_page import design_report  # imports matplotlib
 
     start = opt.joint_values(arm, q, deg) if q else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -68,44 +67,34 @@ def describe_model(arm: sa.SpaceArm) -> sa.SpaceArm:
     return arm
 
 
-def _writing(text: str) -> Callable[..., None]:
-    """Make a command, with this help, that writes a URDF."""
+def _write_urdf(
+    arm: sa.SpaceArm,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="URDF", help="The URDF to write.", callback=opt.to_write
+        ),
+    ],
+    home: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT=VALUE",
+            help="Home position of a joint: where it is locked if it is not active, and where the "
+            "viewer begins; may be repeated.",
+        ),
+    ] = None,
+    deg: bool = False,
+) -> None:
+    """Write the arm as a URDF."""
+    known = arm.whole.joints
+    positions = opt.assignments("--home", home).items()
+    arm = arm.with_home({name: opt.si(known.get(name), q, deg) for name, q in positions})
+    path = arm.to_urdf(output)
+    tips, joints = ", ".join(arm.tips), listed(arm.joint_names)
+    said = f"{path}: {arm.name}, {arm.mass:.6g} kg, tip {tips}, "
+    said += f"{arm.n} joint{'s' * (arm.n > 1)}: {joints}"
+    print_description(Description(title=said, notes=[f"note: {note}" for note in arm.notes]))
 
-    def run(
-        arm: sa.SpaceArm,
-        output: Annotated[Path, typer.Option("--output", "-o", callback=opt.to_write)],
-        home: list[str] | None = None,
-        deg: bool = False,
-    ) -> None:
-        known = arm.whole.joints
-        positions = opt.assignments("--home", home).items()
-        arm = arm.with_home({name: opt.si(known.get(name), q, deg) for name, q in positions})
-        path = arm.to_urdf(output)
-        tips, joints = ", ".join(arm.tips), listed(arm.joint_names)
-        said = f"{path}: {arm.name}, {arm.mass:.6g} kg, tip {tips}, "
-        said += f"{arm.n} joint{'s' * (arm.n > 1)}: {joints}"
-        print_description(Description(title=said, notes=[f"note: {note}" for note in arm.notes]))
 
-    run.__doc__ = f"""{text}
-    Options:
-        output (URDF): The URDF to write.
-        home (JOINT=VALUE): Home position of a joint: where it is held if it does not count, and
-            where the viewer begins; may be repeated.
-    """
-    return opt.on_a_model(run, named=True)
-
-
-mount_arm = _writing(
-    """Mount an arm on a bus (--bus), and write both as one URDF.
-
-    Joints and moving links keep their names from the arm's file. If --name is given, or the bus has
-    one of these names already, all of them get the arm's name as a prefix.
-    """
-)
-convert_robot = _writing(
-    """Write a robot of any format as a URDF, as the options have it.
-
-    Tips, locked joints, wheels, home positions, masses by --density and meshes by --up-axes are in
-    the file: it loads without these options. --task and --joints are not: give them again.
-    """
-)
+#: The commands mount and convert: with --bus the arm is mounted.
+write_urdf = opt.on_a_model(_write_urdf, named=True)

@@ -6,10 +6,9 @@ import inspect
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, ParamSpec, TypeAlias, TypeVar, get_args, get_origin
+from typing import Annotated, Any, TypeAlias, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -32,7 +31,6 @@ from spacearm.motion.goal import Goal, goal_of, goal_pose
 from spacearm.motion.motion_file import check_suffix
 from spacearm.sweeps.toml import Table, parse, text_of
 
-P = ParamSpec("P")
 T = TypeVar("T")
 U = TypeVar("U", float, None)
 Three: TypeAlias = tuple[float, float, float]
@@ -56,18 +54,18 @@ JointValues = Annotated[
     typer.Argument(
         metavar="Q1 Q2 ...",
         help="Joint values [rad], with --deg in degrees; of sliding joints [m]. Or a TOML file "
-        "with [start], as hold --save writes it.",
+        "with a table [start], as hold --save writes it.",
     ),
 ]
 Attitude = Annotated[
     Three | None,
-    typer.Option(help="Roll, pitch, yaw of the spacecraft; zeros by default.", metavar="R P Y"),
+    typer.Option(help="Roll, pitch, yaw of the spacecraft. Default: zeros.", metavar="R P Y"),
 ]
 
-Mode = Annotated[BaseMode, typer.Option(help="What the spacecraft does.")]
+Mode = Annotated[BaseMode, typer.Option(help="How the spacecraft moves.")]
 MaybeMode = Annotated[
     BaseMode | None,
-    typer.Option("--mode", help="What the spacecraft does; it floats if not given."),
+    typer.Option("--mode", help="How the spacecraft moves. Default: free-floating."),
 ]
 
 
@@ -89,112 +87,147 @@ def motion_to_write(param: typer.CallbackParam, path: Path | None) -> Path | Non
 
 Picture = Annotated[
     Path | None,
-    typer.Option("--output", help="Picture.", metavar="PNG|SVG|PDF", callback=to_write),
+    typer.Option("--output", help="Picture to write.", metavar="PNG|SVG|PDF", callback=to_write),
 ]
 Save = Annotated[
     Path | None, typer.Option(help="Write the motion.", metavar="NPZ", callback=motion_to_write)
 ]
-View = Annotated[bool, typer.Option("--view", help="Show it in the browser.")]
-Limits = Annotated[bool, typer.Option("--limits", help="Count joint limits.")]
+View = Annotated[bool, typer.Option("--view", help="Show the result in the viewer.")]
+Limits = Annotated[bool, typer.Option("--limits", help="Enforce joint limits.")]
 NoLimits = Annotated[bool, typer.Option("--no-limits", help="Ignore joint limits.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON: SI units, radians.")]
+Degrees = Annotated[
+    bool,
+    typer.Option("--deg", help="Angles are given and printed in degrees. JSON has radians."),
+]
 
 
 #: The options for printing and writing an answer, as parameters of a command.
-TOLD = {
+ANSWERS = {
     name: inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
     for name, kind, default in (
-        ("output", Picture, None), ("save", Save, None), ("view", View, False),
-        ("deg", bool, False), ("as_json", AsJson, False),
+        ("output", Picture, None),
+        ("save", Save, None),
+        ("view", View, False),
+        ("deg", Degrees, False),
+        ("as_json", AsJson, False),
     )
-}  # fmt: skip
-Written = Annotated[Path | None, typer.Option(callback=to_write)]
-ENTRY = re.compile(r"^ {4}(\w+)(?: \((.+?)\))?: (.+(?:\n {8}.+)*)", re.MULTILINE)
+}
 
 
-def documented(command: Callable[P, T]) -> Callable[P, T]:
-    """Give options the help that its docstring has under "Options", as "name (METAVAR): help".
-
-    Words in braces stand for values of its module. Options that commands share say their help in
-    their annotations.
-    """
-    text, _, args = (inspect.getdoc(command) or "").partition("\n\nOptions:\n")
-    parameters = dict(inspect.signature(command, eval_str=True).parameters)
-    for name, metavar, words in ENTRY.findall(args):
-        kind = parameters[name].annotation
-        info = typer.Option(*[f"--{name.replace('_', '-')}"] * (kind is bool))
-        if get_origin(kind) is Annotated:
-            kind, shared = get_args(kind)
-            info = copy(shared)
-        info.help = " ".join(words.split()).format(**command.__globals__)
-        info.metavar = metavar or None
-        parameters[name] = parameters[name].replace(annotation=Annotated[kind, info])
-    command.__doc__ = text
-    return _taking(command, parameters)
+def _parameters(command: Callable[..., object]) -> dict[str, inspect.Parameter]:
+    """Return the parameters of a command by their names, their annotations evaluated."""
+    return dict(inspect.signature(command, eval_str=True).parameters)
 
 
-def _taking(run: Callable[P, T], parameters: Mapping[str, inspect.Parameter]) -> Callable[P, T]:
+def _taking(run: Callable[..., T], parameters: Mapping[str, inspect.Parameter]) -> Callable[..., T]:
     """Have Typer see these parameters of a function."""
     run.__annotations__ = {name: p.annotation for name, p in parameters.items()}
     run.__dict__["__signature__"] = inspect.Signature([*parameters.values()])
     return run
 
 
-@documented
 def read_by(
-    check: str | None = None,
-    arg: list[str] | None = None,
-    density: float | None = None,
-    up_axes: bool = False,
+    check: Annotated[
+        str | None,
+        typer.Option(
+            help="What to do about physically impossible inertias.", metavar="error|warn|accept"
+        ),
+    ] = None,
+    arg: Annotated[
+        list[str] | None,
+        typer.Option(help="Argument of a xacro file; may be repeated.", metavar="NAME:=VALUE"),
+    ] = None,
+    density: Annotated[
+        float | None,
+        typer.Option(help="Density [kg/m^3] of links without inertial data.", metavar="RHO"),
+    ] = None,
+    up_axes: Annotated[
+        bool,
+        typer.Option(
+            "--up-axes",
+            help="Rotate meshes so that the up axis stated in their COLLADA file becomes z. RViz "
+            "and Gazebo do not do this. The written file does not need this option.",
+        ),
+    ] = False,
 ) -> dict[str, Any]:
-    """Return how the shared options say that a file is read, as arguments of `sa.load`.
-
-    Options:
-        check (error|warn|accept): What to do about physically impossible inertias.
-        arg (NAME:=VALUE): Argument of a xacro source; may be repeated.
-        density (RHO): Density [kg/m^3] of links without inertial data.
-        up_axes: Turn meshes so that the up axis that their COLLADA file states is z; RViz and
-            Gazebo do not. The file that is written needs it no more.
-    """
+    """Return how the shared options say that a file is read, as arguments of `sa.load`."""
     given = pairs("--arg", arg, "NAME:=VALUE", ":=")
     return {"check": check, "xacro_args": given, "density": density, "up_axes": up_axes}
 
 
-@documented
 def arm_from(
-    model: Annotated[str, typer.Argument(autocompletion=complete_model)],
-    tip: str | None = None,
-    task: str | None = None,
-    joints: str = "tip",
-    lock: list[str] | None = None,
-    wheel: list[str] | None = None,
-    bus: Annotated[str | None, typer.Option("--bus", "--bus-mass")] = None,
-    name: str | None = None,
-    deg: bool = False,
+    model: Annotated[
+        str,
+        typer.Argument(
+            autocompletion=complete_model,
+            metavar="MODEL",
+            help="Catalogue name (see spacearm models) or robot file.",
+        ),
+    ],
+    tip: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LINK,LINK|LINK=LINK",
+            help="Link whose frame is the tip (end-effector frame), or several links. LINK=LINK "
+            "closes a chain: the two links grasp each other.",
+        ),
+    ] = None,
+    task: Annotated[
+        str | None,
+        typer.Option(
+            metavar="COMPONENTS[/LENGTH]",
+            help='Task components: "x y rz", pose, position or orientation. The linear components '
+            "of a mixed task are divided by LENGTH [m].",
+        ),
+    ] = None,
+    joints: Annotated[
+        str,
+        typer.Option(
+            metavar="tip|all|NAME,NAME",
+            help="Active joints besides those between spacecraft and tip. All other joints are "
+            "locked.",
+        ),
+    ] = "tip",
+    lock: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT=VALUE", help="Lock a joint at a value; may be repeated."),
+    ] = None,
+    wheel: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT[=TORQUE,MOMENTUM]",
+            help="Treat a joint as a momentum wheel, with these limits [N m], [N m s] or those of "
+            "the file; may be repeated.",
+        ),
+    ] = None,
+    bus: Annotated[
+        str | None,
+        typer.Option(
+            "--bus",
+            "--bus-mass",
+            metavar="KG|KG:X,Y,Z|FILE[@X,Y,Z[,R,P,Y]]",
+            help="Mount MODEL, an arm without a spacecraft, on a bus. The bus is a solid box of "
+            "this mass [kg] with these edges [m], a robot file or a catalogue name. After @ stand "
+            "the position [m] and the roll, pitch, yaw of the arm's base on the bus. Default: on "
+            "top of the box.",
+        ),
+    ] = None,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            help="Name of the arm that --bus mounts. It becomes the prefix of all joints and links "
+            "of the arm."
+        ),
+    ] = None,
+    deg: Degrees = False,
     **options: Any,
 ) -> sa.SpaceArm:
-    """Load the arm that the shared options describe; this signature states them once.
+    """Load the arm that the shared options describe; this signature declares them once.
 
     Those of `read_by` say how the file is read.
 
     With a bus, MODEL is an arm alone, which is mounted on top of it.
-
-    Options:
-        model (MODEL): Catalogue name (spacearm models) or robot file.
-        tip (LINK,LINK|LINK=LINK): Link whose frame is the tip, or several; LINK=LINK are two that
-            hold each other, a closed chain.
-        task (ROWS[/LENGTH]): Rows: "x y rz", pose, position, orientation; then /LENGTH [m], by
-            which the linear rows of a mixed task are divided.
-        joints (tip|all|NAME,NAME): Joints that count besides those between spacecraft and tip; the
-            others are held.
-        lock (JOINT=VALUE): Lock a joint; may be repeated.
-        wheel (JOINT[=TORQUE,MOMENTUM]): Take a joint as a momentum wheel, with these limits [N m],
-            [N m s] or its own; may be repeated.
-        bus (KG|KG:X,Y,Z|FILE[@X,Y,Z[,R,P,Y]]): Mount MODEL, an arm alone, on a bus: a solid box of
-            this mass [kg] and these edges [m], or a robot file or catalogue name; after @ the
-            position and the roll, pitch, yaw of the arm's base on it, the top of a box by default.
-        name: Name of the arm that --bus mounts; all its joints and links get it as a prefix.
-        deg: Angles are in degrees, given and printed (not --json).
     """
     wheels, locked = _wheels(wheel), assignments("--lock", lock)
     carrier, at = (None, None) if bus is None else _described_bus(bus, deg)
@@ -282,9 +315,8 @@ def on_a_model(command: Callable[..., T], *, named: bool = False) -> Callable[..
     MODEL comes first and the options last, before --json. A command with a parameter `deg` gets
     whether angles are in degrees; one that is `named` takes a name of the arm, and up axes.
     """
-    own = dict(inspect.signature(documented(command)).parameters)
-    reading = dict(inspect.signature(read_by).parameters)
-    shared = dict(inspect.signature(arm_from).parameters) | reading
+    own, reading = _parameters(command), _parameters(read_by)
+    shared = _parameters(arm_from) | reading
     shared["deg"] = shared.pop("deg")
     told_deg = own.pop("deg", None) is not None
     for name in ("options", *(("name", "up_axes") * (not named))):
@@ -307,7 +339,6 @@ def on_a_model(command: Callable[..., T], *, named: bool = False) -> Callable[..
         arm = arm_from(**{name: given.pop(name) for name in shared if name in given}, **options)
         return command(arm=arm, **given, **deg)
 
-    run.__doc__, run.__name__ = command.__doc__, command.__name__
     keyword = inspect.Parameter.KEYWORD_ONLY
     return _taking(run, {name: p.replace(kind=keyword) for name, p in parameters.items()})
 
@@ -327,8 +358,7 @@ def answering(
     names = [*["output"] * bool(kind), *options, "deg", "as_json"]
 
     def decorate(command: Callable[..., Any]) -> Callable[..., int]:
-        own = dict(inspect.signature(documented(command)).parameters)
-        own = {name: parameter for name, parameter in own.items() if name not in without}
+        own = {name: p for name, p in _parameters(command).items() if name not in without}
 
         def run(arm: sa.SpaceArm, **given: Any) -> int:
             found = command(arm, **{name: x for name, x in given.items() if name in own})
@@ -336,8 +366,7 @@ def answering(
             answer(arm, found, kind, **{name: given[name] for name in names})
             return found.code
 
-        run.__doc__, run.__name__ = command.__doc__, command.__name__
-        added = {name: TOLD[name] for name in names if name not in own}
+        added = {name: ANSWERS[name] for name in names if name not in own}
         return on_a_model(_taking(run, own | added))
 
     return decorate

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -31,33 +31,53 @@ PLAIN = ("duration", "mode", "origin", "final_twist")
 KEYS = ("start", "goal", "final_attitude", "duration", "origin", "constraints", "search")
 
 
-def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Callable[..., int]:
+def _command(solve: Callable[..., sa.Plan], *more_keys: str) -> Callable[..., int]:
     """Return the command that asks `plan` or `detumble`, whose questions differ in a few keys."""
 
     @opt.answering("plan", "save", "view", without=() if "mode" in more_keys else ("mode",))
     def run(
         arm: sa.SpaceArm,
         q: opt.JointValues = None,
-        goal: list[str] | None = None,
-        obstacle: list[str] | None = None,
+        goal: Annotated[
+            list[str] | None,
+            typer.Option(
+                metavar="X1 X2 ...",
+                help="Task components of the tip [m], rotations as roll pitch yaw. With several "
+                "tips NAME=X1,X2,... for each.",
+            ),
+        ] = None,
+        obstacle: Annotated[
+            list[str] | None,
+            typer.Option(
+                metavar="KIND:PLACE:WHAT",
+                help="box:X,Y,Z:SIZE (or LX,LY,LZ), sphere:X,Y,Z:RADIUS, "
+                "cylinder:X,Y,Z:RADIUS,LENGTH, mesh:X,Y,Z:FILE or robot:X,Y,Z:MODEL [m]; then "
+                ":R,P,Y and @MARGIN; may be repeated. Tables of --with constraints.obstacles "
+                "accept more.",
+            ),
+        ] = None,
         attitude: opt.Attitude = None,
         mode: opt.MaybeMode = None,
-        fastest: bool = False,
+        fastest: Annotated[
+            bool,
+            typer.Option(
+                "--fastest",
+                help="Retime the motion to be as fast as effort and velocity limits allow; needs "
+                "toppra.",
+            ),
+        ] = False,
         more: questions.With = None,
-        save: opt.Save = None,
+        save: Annotated[
+            Path | None,
+            typer.Option(
+                metavar="NPZ",
+                help="Write the plan; if none is found, the best attempt.",
+                callback=opt.motion_to_write,
+            ),
+        ] = None,
         deg: bool = False,
     ) -> Answer:
-        """Plan.
-
-        Options:
-            goal (X1 X2 ...): Task rows of the tip [m], turns as roll pitch yaw. With several tips
-                NAME=X1,X2,... for each.
-            obstacle (KIND:PLACE:WHAT): box:X,Y,Z:SIZE (or LX,LY,LZ), sphere:X,Y,Z:RADIUS,
-                cylinder:X,Y,Z:RADIUS,LENGTH, mesh:X,Y,Z:FILE or robot:X,Y,Z:MODEL [m]; then :R,P,Y
-                and @MARGIN; may be repeated. Tables of --with constraints.obstacles take more.
-            fastest: Fly it as fast as effort and velocity limits allow; needs toppra.
-            save (NPZ): Write the plan; where none is found, the best attempt.
-        """
+        """Plan a motion and answer with it."""
         asked = questions.question(more, *KEYS, *more_keys, mode=mode)
         start = opt.configuration(arm, q, attitude, deg, asked.inner("start"))
         target = _goal(arm, goal, asked, deg)
@@ -97,7 +117,6 @@ def _command(solve: Callable[..., sa.Plan], summary: str, *more_keys: str) -> Ca
 
         return Answer(found, drawn=drawn)
 
-    run.__doc__ = summary
     return run
 
 
@@ -141,50 +160,23 @@ def _shells(arm: sa.SpaceArm) -> sa.Workspace | None:
         return None
 
 
-plan_motion = _command(
-    sa.plan,
-    """Plan a motion that leads the tip to a goal.
-
-    Ctrl-C keeps the best attempt. --with gives all that sa.plan takes: start, goal, via,
-    final_attitude, final_twist, duration, mode, origin, constraints, search. With search.boxes=FILE
-    it also goes through the boxes that spacearm boxes --keep FILE has written.
-    """,
-    "via",
-    "mode",
-    "final_twist",
-)
-detumble_motion = _command(
-    sa.detumble,
-    """Plan a motion after which wheels hold the spacecraft at rest.
-
-    The start has momentum: the spacecraft tumbles. --with gives all that sa.detumble takes: start
-    with its momentum, goal, final_attitude, duration, origin, constraints with wheels, search.
-    """,
-)
+plan_motion = _command(sa.plan, "via", "mode", "final_twist")
+detumble_motion = _command(sa.detumble)
 
 
 @opt.answering("follow", "save", "view")
 def follow_path(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
-    path: Path | None = None,
+    path: Annotated[
+        Path | None, typer.Option(metavar="CSV", help="Path of the tip, one line for each corner.")
+    ] = None,
     attitude: opt.Attitude = None,
     mode: opt.MaybeMode = None,
     more: questions.With = None,
     deg: bool = False,
 ) -> Answer:
-    """Lead the tip along a path from a CSV file.
-
-    The path has times, or is followed at a constant speed.
-
-    Each line holds the task's rows of the tip [m], turns as roll, pitch, yaw [rad], with --deg in
-    degrees; in a path with times, the time in seconds comes first. A first line of names is
-    skipped. The exit code is 3 if the tip cannot be led to the end. --with gives what else
-    sa.follow takes: start, origin, mode, speed, at_rest, limits.
-
-    Options:
-        path (CSV): Path of the tip, one line for each corner.
-    """
+    """Follow a path of the tip."""
     if path is None:
         raise sa.ConfigurationError("there is no path; give --path FILE, a CSV file")
     asked = questions.question(more, "start", *FOLLOWED, mode=mode)

@@ -43,18 +43,25 @@ def report_singularity(
     q: opt.JointValues = None,
     attitude: opt.Attitude = None,
     mode: opt.Mode = "free-floating",
-    tolerance: float | None = None,
-    first_order: bool = False,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            help="Distance to the singular set up to which a posture is singular [rad], with "
+            f"--deg in degrees. Default: {TOLERANCE:g} rad."
+        ),
+    ] = None,
+    first_order: Annotated[
+        bool,
+        typer.Option(
+            "--first-order",
+            help="Give the first-order estimate of the distance; do not search for the nearest "
+            "singular posture.",
+        ),
+    ] = False,
     fail_on_singular: Fail = False,
     deg: bool = False,
 ) -> Answer:
-    """Report whether a posture is singular, and what is lost there.
-
-    Options:
-        tolerance: Distance to the singular set up to which a posture is singular [rad], with --deg
-            in degrees; {TOLERANCE:g} rad by default.
-        first_order: Only estimate the distance; do not search for the nearest posture.
-    """
+    """Report whether a posture is singular."""
     cfg = opt.configuration(arm, q, attitude, deg)
     with working("searching") as told:
         report = sa.singularity(
@@ -72,14 +79,12 @@ def find_nearest(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
     mode: opt.Mode = "free-floating",
-    limits: bool = False,
+    limits: Annotated[
+        bool, typer.Option("--limits", help="Search only within the joint limits.")
+    ] = False,
     deg: bool = False,
 ) -> Any:
-    """Find the singular posture nearest to a posture.
-
-    Options:
-        limits: Only postures within the joint limits.
-    """
+    """Find the singular posture that is nearest to a posture."""
     start = opt.joint_values(arm, q or [], deg)
     with working("searching") as progress:
         return sa.singular_set(arm, mode=mode).nearest(start, limits=limits, progress=progress)
@@ -88,21 +93,27 @@ def find_nearest(
 @opt.on_a_model
 def check_path(
     arm: sa.SpaceArm,
-    file: Annotated[Path, typer.Argument()],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="Text file with the joint values of one posture in each line, or a saved "
+            "motion (.npz).",
+        ),
+    ],
     mode: opt.Mode = "free-floating",
-    clearance: float = 0.0,
+    clearance: Annotated[
+        float,
+        typer.Option(
+            help="Also certify that every singular posture is farther from the path than this "
+            "[rad], with --deg in degrees."
+        ),
+    ] = 0.0,
     fail_on_singular: Fail = False,
     deg: bool = False,
     as_json: opt.AsJson = False,
 ) -> int:
-    """Prove that motions from posture to posture meet no singularity.
-
-    Options:
-        file (FILE): A text file with the joint values of one posture per line, or a saved motion
-            (.npz).
-        clearance: Prove that no singular posture is nearer to the path than this [rad], with --deg
-            in degrees.
-    """
+    """Certify a joint path."""
     given = sa.Motion.load(file, arm) if file.suffix == ".npz" else _postures(arm, file, deg)
     Q, way = path_rows(arm, given), control_points(arm, given)
     with working("proving") as progress:
@@ -176,23 +187,30 @@ def _postures(arm: sa.SpaceArm, file: Path, deg: bool) -> Array:
 @opt.answering("map")
 def draw_singular_map(
     arm: sa.SpaceArm,
-    axes: tuple[str, str] | None = None,
-    fix: list[str] | None = None,
-    npz: opt.Written = None,
-    points: Annotated[int, typer.Option(min=3, max=2001)] = 181,
+    axes: Annotated[
+        tuple[str, str] | None,
+        typer.Option(
+            metavar="A B",
+            help="The two joints, by name or as q1 q2. Default: those along which sigma_min "
+            "changes most.",
+        ),
+    ] = None,
+    fix: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT=VALUE", help="Position of another joint; may be repeated."),
+    ] = None,
+    npz: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="NPZ", help="Write the numbers to a NumPy archive.", callback=opt.to_write
+        ),
+    ] = None,
+    points: Annotated[
+        int, typer.Option(help="Grid points along each joint.", min=3, max=2001)
+    ] = 181,
     deg: bool = False,
 ) -> Answer:
-    """Map the distance to the singular set over two joints.
-
-    Exact singular curves are drawn on top. Ctrl-C keeps the results so far.
-
-    Options:
-        axes (A B): The two joints, by name or as q1 q2; by default those along which sigma_min
-            changes most.
-        fix (JOINT=VALUE): Position of another joint; may be repeated.
-        npz (NPZ): Write the numbers to a NumPy archive.
-        points: Grid points along each joint.
-    """
+    """Map the distance to the singular set."""
     fixed = {joint_name(arm, name): value for name, value in opt.assignments("--fix", fix).items()}
     q = opt.joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
     result, code = kept(
@@ -222,29 +240,44 @@ def _write_npz(path: Path, result: sa.SingularMap) -> Path:
 @opt.answering()
 def compute_capture(
     arm: sa.SpaceArm,
-    mass: float,
+    mass: Annotated[float, typer.Option(help="Mass of the body [kg].")],
     q: opt.JointValues = None,
-    velocity: opt.Three = (0.0, 0.0, 0.0),
-    spin: opt.Three = (0.0, 0.0, 0.0),
-    inertia: opt.Three | None = None,
-    com: opt.Three = (0.0, 0.0, 0.0),
-    brakes: Annotated[JointState, typer.Option("--joints-are")] = "free",
+    velocity: Annotated[
+        opt.Three,
+        typer.Option(
+            metavar="X Y Z",
+            help="Velocity of the CM of the body [m/s], expressed in the inertial frame.",
+        ),
+    ] = (0.0, 0.0, 0.0),
+    spin: Annotated[
+        opt.Three,
+        typer.Option(
+            metavar="X Y Z",
+            help="Angular velocity of the body [rad/s], with --deg in degrees/s, expressed in "
+            "the inertial frame.",
+        ),
+    ] = (0.0, 0.0, 0.0),
+    inertia: Annotated[
+        opt.Three | None,
+        typer.Option(
+            metavar="X Y Z",
+            help="Moments of inertia of the body about its CM [kg m^2], expressed in the tip "
+            "frame. Default: a point mass.",
+        ),
+    ] = None,
+    com: Annotated[
+        opt.Three, typer.Option(metavar="X Y Z", help="CM of the body in the tip frame [m].")
+    ] = (0.0, 0.0, 0.0),
+    brakes: Annotated[
+        JointState,
+        typer.Option(
+            "--joints-are", help="Whether the joints move freely at the grasp or are braked."
+        ),
+    ] = "free",
     attitude: opt.Attitude = None,
     deg: bool = False,
 ) -> sa.Capture:
-    """Compute the velocities just after the hand grasps a body.
-
-    The tip is at rest; the body moves and spins.
-
-    Options:
-        mass: Mass of the target [kg].
-        velocity (X Y Z): Velocity of its CM [m/s], inertial axes.
-        spin (X Y Z): Its angular velocity [rad/s], with --deg in degrees/s, inertial axes.
-        inertia (X Y Z): Its moments of inertia about its CM along the tip's axes [kg m^2]; a point
-            mass by default.
-        com (X Y Z): Its CM in the tip frame [m].
-        brakes: Whether brakes hold the joints.
-    """
+    """Compute the velocities just after a grasp."""
     cfg = opt.configuration(arm, q, attitude, deg)
     if inertia is None and any(spin):
         err.print("spacearm: note: a point mass does not spin; --inertia gives the target moments")

@@ -31,28 +31,29 @@ OBJECTS = ("start", "controller", "duration", "plant", "sampling", "integration"
 def simulate_motion(
     arm: sa.SpaceArm,
     q: opt.JointValues = None,
-    target: str | None = None,
-    controller: str | None = None,
-    duration: float | None = None,
+    target: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X1 X2 ...",
+            help="Task components of the tip [m], rotations as roll pitch yaw; joint values "
+            "for JointPD.",
+        ),
+    ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAW",
+            help=f"Control law: {KNOWN_LAWS}. Give its gains by --with controller.kp=... .",
+        ),
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="Duration [s]. Default: 60.")] = None,
     attitude: opt.Attitude = None,
     mode: opt.MaybeMode = None,
     more: With = None,
     save: opt.Save = None,
     deg: bool = False,
 ) -> Answer:
-    """Simulate an arm under a controller.
-
-    The picture shows tip path, attitude, joints and sigma_min.
-
-    --with gives all that sa.simulate takes: start, controller, plant, sampling, integration, mode,
-    origin, stop, dq; or [[phases]] of sa.simulate_phases. Ctrl-C keeps the results so far.
-
-    Options:
-        target (X1 X2 ...): Task rows of the tip [m], turns as roll pitch yaw; joint values for
-            JointPD.
-        controller (LAW): Control law: {KNOWN_LAWS}; gains by --with controller.kp=... .
-        duration: Duration [s]; 60 by default.
-    """
+    """Simulate an arm under a control law."""
     asked = question(more, *OBJECTS, *PLAIN, "phases", mode=mode)
     start = opt.configuration(arm, q, attitude, deg, asked.inner("start"))
     if "phases" in asked.values:
@@ -130,28 +131,34 @@ STOP_AT, SLOW_FROM = np.degrees((STOP, SLOW))
 @opt.on_a_model
 def watch_states(
     arm: sa.SpaceArm,
-    file: Annotated[str, typer.Argument()] = "-",
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="[FILE]",
+            help="Joint states: lines of JSON with t and q, or with name and position, or an "
+            ".mcap file; - is the standard input.",
+        ),
+    ] = "-",
     mode: opt.Mode = "free-floating",
-    stop: float | None = None,
-    slow: float | None = None,
-    ahead: float = 5.0,
-    topic: str = "/joint_states",
+    stop: Annotated[
+        float | None,
+        typer.Option(
+            help="Distance to the singular set below which a state is too near [rad], with "
+            f"--deg in degrees. Default: {STOP_AT:g}°."
+        ),
+    ] = None,
+    slow: Annotated[
+        float | None,
+        typer.Option(help=f"Distance beyond which there is no warning. Default: {SLOW_FROM:g}°."),
+    ] = None,
+    ahead: Annotated[
+        float, typer.Option(help="How long before the singular posture to warn [s].")
+    ] = 5.0,
+    topic: Annotated[str, typer.Option(help="Topic of an .mcap file.")] = "/joint_states",
     deg: bool = False,
     as_json: opt.AsJson = False,
 ) -> int:
-    """Warn when joint states come near a singular posture.
-
-    The states come as a stream, one per line; the warning comes some seconds ahead (--ahead).
-
-    Options:
-        file ([FILE]): Joint states: lines of JSON with t and q, or name and position, or an .mcap
-            file; - is the standard input.
-        stop: Distance to the singular set below which a state is too near [rad], with --deg in
-            degrees; {STOP_AT:g}° by default.
-        slow: Distance beyond which there is no warning; {SLOW_FROM:g}° by default.
-        ahead: How long ahead to warn [s].
-        topic: Topic of an .mcap file.
-    """
+    """Warn when joint states come near a singular posture."""
     near, far = opt.radians(stop, deg, STOP), opt.radians(slow, deg, SLOW)
     servo = sa.Servo(arm, mode=mode, stop=near, slow=far)
     messages: Iterable[Any] = sys.stdin if file == "-" else recorded(Path(file), topic)

@@ -16,7 +16,6 @@ from rich.progress import MofNCompleteColumn, ProgressColumn, Task
 from rich.text import Text
 
 import spacearm as sa
-from spacearm.cli import options as opt
 from spacearm.cli.output import err, out, print_description, working
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.compiler.machine import processors
@@ -27,27 +26,27 @@ if TYPE_CHECKING:
     from distributed import Client
 
 
-@opt.documented
 def run_study(
-    study: Annotated[Path, typer.Argument()],
-    store: Path,
-    scheduler: str | None = None,
-    workers: Annotated[int | None, typer.Option(min=1)] = None,
-    show_status: Annotated[bool, typer.Option("--status")] = False,
-    dry_run: bool = False,
+    study: Annotated[Path, typer.Argument(metavar="STUDY.TOML", help="See help(spacearm.Study).")],
+    store: Annotated[
+        Path, typer.Option(help="Zarr directory. The chunks that it already contains are kept.")
+    ],
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler whose workers compute."),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(help="Processes on this machine. Default: one for each processor.", min=1),
+    ] = None,
+    show_status: Annotated[
+        bool, typer.Option("--status", help="Only report which part is done.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only estimate time and disk space.")
+    ] = False,
 ) -> int:
-    """Compute a study chunk by chunk, or resume one that was stopped.
-
-    To resume, run the same command again.
-
-    Options:
-        study (STUDY.TOML): See help(spacearm.Study).
-        store: Zarr directory; chunks that it already has are kept.
-        scheduler (tcp://HOST:PORT): Dask scheduler whose workers compute.
-        workers: Processes on this machine; by default one per processor.
-        show_status: Only report which part is done.
-        dry_run: Only estimate time and disk.
-    """
+    """Compute a study chunk by chunk."""
     read = sa.Study.read(study)
     if workers is not None and scheduler is not None:
         raise sa.ConfigurationError("--workers is for this machine; leave it out with --scheduler")

@@ -21,37 +21,58 @@ KNOWN_MODES = ", ".join(WORDS)
 @opt.on_a_model
 def view_configuration(
     arm: sa.SpaceArm,
-    q: Annotated[list[str] | None, typer.Argument()] = None,
+    q: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[Q1 Q2 ...]",
+            help="Joint values [rad], with --deg in degrees; of sliding joints [m]. Default: a "
+            "regular posture.",
+        ),
+    ] = None,
     attitude: opt.Attitude = None,
-    motion: Path | None = None,
-    compare: str | None = None,
-    fly: bool = False,
-    port: int | None = None,
-    no_open: bool = False,
-    save: opt.Written = None,
-    png: opt.Written = None,
-    video: opt.Written = None,
+    motion: Annotated[
+        Path | None,
+        typer.Option(metavar="NPZ", help="Play a motion written by --save of plan or simulate."),
+    ] = None,
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NPZ|MODE",
+            help="Play another motion in step, or the same joint motion in another mode: "
+            f"{KNOWN_MODES}.",
+        ),
+    ] = None,
+    fly: Annotated[
+        bool, typer.Option("--fly", help="Begin by teleoperating the tip with keyboard or gamepad.")
+    ] = False,
+    port: Annotated[
+        int | None,
+        typer.Option(help="Port of the viewer. Default: the first free one from 7400 on."),
+    ] = None,
+    no_open: Annotated[
+        bool, typer.Option("--no-open", help="Serve the viewer; do not open a browser.")
+    ] = False,
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="HTML", help="Write one self-contained page and exit.", callback=opt.to_write
+        ),
+    ] = None,
+    png: Annotated[
+        Path | None,
+        typer.Option(metavar="PNG", help="Write a picture and exit.", callback=opt.to_write),
+    ] = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MP4|WEBM|GIF|ZIP",
+            help="Write a video of the motion and exit, or pictures (ZIP); 25 per second.",
+            callback=opt.to_write,
+        ),
+    ] = None,
     deg: bool = False,
 ) -> None:
-    """Show a posture or play a motion in the browser.
-
-    The page has sliders for the joints. If the robot's file closes a chain, they keep it closed.
-    Ctrl-C closes the page.
-
-    Options:
-        q ([Q1 Q2 ...]): Joint values [rad], with --deg in degrees; of sliding joints [m]; a
-            regular posture by default.
-        motion (NPZ): Play a motion written by --save of plan or simulate.
-        compare (NPZ|MODE): Play another motion in step, or the same joint motion in another mode:
-            {KNOWN_MODES}.
-        fly: Begin by flying the tip with keyboard or gamepad.
-        port: Port of the page; by default the first free one from 7400 on.
-        no_open: Serve the page, do not open a browser.
-        save (HTML): Write one self-contained page and exit.
-        png (PNG): Write a picture and exit.
-        video (MP4|WEBM|GIF|ZIP): Write a video of the motion and exit, or pictures (ZIP); 25 per
-            second.
-    """
+    """Show a posture or play a motion in the viewer."""
     with undisturbed():
         if motion:
             if q or attitude:

@@ -38,19 +38,24 @@ def compute_workspace(
     mode: opt.Mode = "free-floating",
     limits: opt.Limits = False,
     effort: Effort = None,
-    seed: int = 0,
-    free: bool = False,
-    path: Path | None = None,
+    seed: Annotated[int, typer.Option(help="Seed of that search.")] = 0,
+    free: Annotated[
+        bool,
+        typer.Option(
+            "--free",
+            help="Also compute the attitude-independent workspace (Vafa & Dubowsky: free "
+            "workspace). It takes as long as the rest.",
+        ),
+    ] = False,
+    path: Annotated[
+        Path | None,
+        typer.Option(
+            help="Tip path to draw: a text file with one point in each line, relative to the "
+            "system CM [m]."
+        ),
+    ] = None,
 ) -> Answer:
-    """Compute the path dependent and path independent workspaces.
-
-    Ctrl-C keeps the results so far.
-
-    Options:
-        seed: Seed of that search.
-        free: Compute the free workspace too (Vafa & Dubowsky); takes as long as the rest.
-        path: Tip path to draw: a text file with one point per line, from the CM [m].
-    """
+    """Compute the workspaces."""
     points = None if path is None else _points(path)
     tries = EFFORT if effort is None else effort
     result, code = kept(
@@ -81,23 +86,20 @@ def compute_workspace(
 def compute_risk(
     arm: sa.SpaceArm,
     limits: opt.Limits = False,
-    near: Annotated[float | None, typer.Option(min=0.0)] = None,
-    bins: Annotated[int, typer.Option(min=1)] = 20,
-    samples: Annotated[int, typer.Option(min=1)] = 200_000,
-    seed: int = 0,
+    near: Annotated[
+        float | None,
+        typer.Option(
+            help="Distance to the singular set up to which a posture is near [rad], with --deg "
+            "in degrees. Default: 5 degrees.",
+            min=0.0,
+        ),
+    ] = None,
+    bins: Annotated[int, typer.Option(help="Number of distance classes.", min=1)] = 20,
+    samples: Annotated[int, typer.Option(help="Number of postures.", min=1)] = 200_000,
+    seed: Annotated[int, typer.Option(help="Seed of the sample.")] = 0,
     deg: bool = False,
 ) -> Answer:
-    """Estimate how many postures are near a singularity.
-
-    Postures are counted by the tip's distance from the system CM. Ctrl-C keeps the results so far.
-
-    Options:
-        near: Distance to the singular set up to which a posture is near [rad], with --deg in
-            degrees; 5 degrees by default.
-        bins: Number of distance classes.
-        samples: Number of postures.
-        seed: Seed of the sample.
-    """
+    """Estimate the share of postures near a singularity."""
     profile, code = kept(
         "sampling",
         lambda progress: sa.risk_profile(
@@ -111,21 +113,20 @@ def compute_risk(
 @opt.answering("design")
 def sweep_designs(
     arm: sa.SpaceArm,
-    vary: list[str],
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            metavar="NAME=A[:B[:COUNT]]",
+            help="A parameter and its values; A,B,C is possible too: base_mass (the inertia "
+            "grows with it), payload, mass:LINK [kg], length:LINK [m], base_inertia (a "
+            "factor), mount_x, mount_y, mount_z [m]; may be repeated.",
+        ),
+    ],
     mode: opt.Mode = "free-floating",
     limits: opt.Limits = False,
     effort: Effort = None,
 ) -> Answer:
-    """Compare designs: masses, lengths, the mounting point.
-
-    They are compared by the path independent share of the workspace and, where the spacecraft
-    floats, by the share of postures near a singular one. Ctrl-C keeps the designs done so far.
-
-    Options:
-        vary (NAME=A[:B[:COUNT]]): A parameter and its values, A,B,C too: base_mass (the inertia
-            grows with it), payload, mass:LINK [kg], length:LINK [m], base_inertia (a factor),
-            mount_x, mount_y, mount_z [m]; may be repeated.
-    """
+    """Compare designs."""
     pairs = [text.partition("=") for text in vary]
     grid = {name: _values(name, values) for name, _, values in pairs}
     with working("designs") as progress:

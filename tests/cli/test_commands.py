@@ -16,7 +16,7 @@ import spacearm as sa
 from spacearm.cli.app import COMMANDS, command
 from spacearm.cli.output import TimeLeft, working
 
-MODULES = {f"spacearm.cli.{place.rpartition('.')[0]}" for place, _ in COMMANDS.values()}
+MODULES = {f"spacearm.cli.{known.place.rpartition('.')[0]}" for known in COMMANDS.values()}
 HOME = ("0", "60", "-100", "-50", "30", "0")
 
 
@@ -184,14 +184,54 @@ def test_no_command_has_more_than_twenty_options():
 
 
 def test_each_command_says_what_it_is_for():
-    assert len({summary for _, summary in COMMANDS.values()}) == len(COMMANDS)
+    assert len({known.summary for known in COMMANDS.values()}) == len(COMMANDS)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_summary_of_a_command_is_what_its_own_help_begins_with(name):
-    _, summary = COMMANDS[name]
+    summary = COMMANDS[name].summary
     assert " ".join(command(name).help.partition("\n\n")[0].split()) == summary
     assert len(summary) <= 64  # more is cut off in the list of 80 columns
+
+
+def test_every_option_says_what_it_means():
+    for name in COMMANDS:
+        assert all(p.help for p in command(name).params), name
+
+
+WITHOUT_DOCSTRINGS = {
+    "one": [
+        ["--help"],
+        ["query", "--help"],
+        ["simulate", "planar2", "0", "1", "--target", "1 1", "--with", "integration.rtol=a"],
+    ],
+    "all": [
+        *([name, "--help"] for name in COMMANDS),
+        ["query", "planar2", "0.3", "0.4", "--json"],
+        ["nearest", "planar2", "0.3", "0.4"],
+        ["query", "planar2", "--tolerance", "a"],
+        ["box", "planar2", "--limits"],
+        ["plan", "planar2", "0", "1", "--goal", "1 1", "--with", "duration=[1]"],
+    ],
+}
+"""Command lines whose answer must not depend on docstrings."""
+
+
+@pytest.mark.parametrize("cases", ["one", pytest.param("all", marks=pytest.mark.slow)])
+def test_without_docstrings_the_command_line_is_the_same(cases):
+    """PYTHONOPTIMIZE=2 drops docstrings and assertions, and changes no option, help or answer."""
+    lines = WITHOUT_DOCSTRINGS[cases]
+    code = "import json, sys; from helpers.commands import spacearm; "
+    code += "print(json.dumps([spacearm(*words) for words in json.loads(sys.argv[1])]))"
+    run = subprocess.run(
+        [sys.executable, "-OO", "-c", code, json.dumps(lines)],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+    )
+    for words, got in zip(lines, json.loads(run.stdout), strict=True):
+        assert got == list(spacearm(*words)), words
 
 
 def test_the_help_of_all_commands_imports_none_of_them():
