@@ -328,7 +328,7 @@ def save_phases(flight: Flight, path: Path | None) -> list[Path]:
     """Write each phase of a flight to a file with its number, if a path is given; return these."""
     if path is None:
         return []
-    from spacearm.motion.motion import save_together  # loaded by whoever has made the flight
+    from spacearm.motion.motion_file import save_together  # loaded by what made the flight
 
     numbered = {path.with_stem(f"{path.stem}_{i}"): run for i, run in enumerate(flight.phases)}
     save_together(numbered)

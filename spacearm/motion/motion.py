@@ -15,7 +15,7 @@ import scipy
 
 from spacearm.arrays import Array, ArrayLike, finite, numbers_of, plain, read_only, shape_of
 from spacearm.errors import ConfigurationError, listed
-from spacearm.files import arrays_in, write_together, writing
+from spacearm.files import arrays_in
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import momentum_and_torque
 from spacearm.mechanics.jacobian import momentum_matrix, singular_values
@@ -366,7 +366,7 @@ class Motion(Result):
             ConfigurationError: The path does not end in .npz.
             SpaceArmError: The file cannot be written.
         """
-        save_together({Path(path): self})
+        motion_file.save_together({Path(path): self})
 
     @classmethod
     def load(cls: type[AnyMotion], path: str | os.PathLike[str], arm: SpaceArm) -> AnyMotion:
@@ -506,22 +506,6 @@ class Motion(Result):
     def _each(self, value: Callable[[Configuration], ArrayLike]) -> Array:
         """Return the values of a function of the configuration at all samples."""
         return read_only(np.array([value(cfg) for cfg in self]))
-
-
-def save_together(motions: Mapping[Path, Motion]) -> None:
-    """Write motions to NumPy files, .npz: all of them, or none.
-
-    Raises:
-        ConfigurationError: A path does not end in .npz.
-        SpaceArmError: A file cannot be written.
-    """
-    for path in motions:
-        motion_file.check_suffix(path)
-    contents = {
-        path: motion_file.content(motion, motion._layout(motion.arm))
-        for path, motion in motions.items()
-    }
-    write_together({path: writing(content) for path, content in contents.items()})
 
 
 class Drifting(Motion, kw_only=True):

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, unknown
+from spacearm.files import write_together, writing
 
 Kind = TypeVar("Kind")
 Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
@@ -98,8 +99,22 @@ def check_suffix(path: str | os.PathLike[str]) -> None:
         )
 
 
-def content(motion: Any, layout: Layout) -> bytes:
+def save_together(motions: Mapping[Path, Any]) -> None:
+    """Write each motion to its file: all of them, or none.
+
+    Raises:
+        ConfigurationError: A path does not end in .npz.
+        SpaceArmError: A file cannot be written.
+    """
+    for path in motions:
+        check_suffix(path)
+    contents = {path: content(motion) for path, motion in motions.items()}
+    write_together({path: writing(packed) for path, packed in contents.items()})
+
+
+def content(motion: Any) -> bytes:
     """Return the content of the file of a motion."""
+    layout: Layout = motion._layout(motion.arm)
     joints = motion.arm.joint_names
     words = {"kind": layout.kind, "mode": motion.mode, "joints": joints}
     arrays: Arrays = {name: np.array(word) for name, word in words.items()}
