@@ -122,6 +122,21 @@ def base_velocity(cfg: Configuration, dq: ArrayLike) -> Array:
     return np.linalg.solve(A_b, h - A_q @ joint_vector(cfg.arm, dq, "dq"))
 
 
+def drift_of(momentum: Array, impulse: Array, brought: Array, free: int) -> float:
+    """Return the change of the momentum that is kept, over what the joints alone brought.
+
+    Args:
+        momentum: (m, 6) momentum over time.
+        impulse: (m, 6) what wrenches added to it.
+        brought: (m, 6) momentum that the joint rates bring with the spacecraft at rest.
+        free: How many components are kept.
+    """
+    change = np.abs((momentum - impulse - momentum[0])[:, :free]).max(initial=0.0)
+    sizes = (np.abs(h[:, :free]).max(initial=0.0) for h in (brought, momentum[:1], impulse))
+    most = max(sizes)
+    return float(change / most) if most > 0.0 else 0.0
+
+
 def base_response(A: Array, f: int = 6) -> Array:
     """Compute X = A_b^-1 A_q: the spacecraft moves with v_b = -X dq at zero momentum.
 

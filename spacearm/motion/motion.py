@@ -18,7 +18,7 @@ from spacearm.errors import ConfigurationError, listed
 from spacearm.files import arrays_in
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import momentum_and_torque
-from spacearm.mechanics.jacobian import momentum_matrix, singular_values
+from spacearm.mechanics.jacobian import drift_of, momentum_matrix, singular_values
 from spacearm.model.arguments import FLOATING, BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.frames import pose_between
@@ -28,6 +28,7 @@ from spacearm.motion import motion_file
 from spacearm.motion.events import Event, events_table
 from spacearm.motion.goal import origin_of
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
+from spacearm.motion.plant import MotorLoad, motor_notes, motor_table
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.tubes import straight
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
@@ -558,6 +559,7 @@ class Trajectory(Motion, kw_only=True):
         other_work: (m,) work of springs, friction, wrenches and the wheels' motors since the start,
             on all but the spin of the wheels [J].
         exchanged: All work that was done and taken back [J].
+        motors: Largest torque of each motor with a limit, and how long it was at the limit.
         events: What happened on the way.
         ended: Why it ended: "duration", the kind of the event that stopped it, or what failed.
         called: The functions that were called in Python, which is slow, and why.
@@ -575,7 +577,8 @@ class Trajectory(Motion, kw_only=True):
     work: Array
     other_work: Array
     exchanged: float
-    events: tuple[Event, ...]
+    motors: tuple[MotorLoad, ...] = ()
+    events: tuple[Event, ...] = field()
     ended: str
     called: tuple[str, ...] = field(default=(), metadata={"in_file": False})
 
@@ -665,9 +668,10 @@ class Trajectory(Motion, kw_only=True):
         return replace(
             motion,
             verdict=f"{motion.verdict}, ended by {self.ended}",
-            notes=[*motion.notes, *spun, *self.called],
+            notes=[*motion.notes, *motor_notes(self.motors), *spun, *self.called],
             tables=[
                 *motion.tables,
+                *motor_table(self.motors),
                 *wheels,
                 Table(("", Column("start", "J"), Column("end", "J")), energies, "Energy"),
                 Table.facts(balances, "Balances"),
@@ -683,18 +687,3 @@ class Trajectory(Motion, kw_only=True):
             f"{kind}({self.arm.label}, {self.mode}: {self.t[-1]:.6g} s, {len(self.t)} times, "
             f"ended by {self.ended}{first}{called})"
         )
-
-
-def drift_of(momentum: Array, impulse: Array, brought: Array, free: int) -> float:
-    """Return the change of the momentum that is kept, over what the joints alone brought.
-
-    Args:
-        momentum: (m, 6) momentum over time.
-        impulse: (m, 6) what wrenches added to it.
-        brought: (m, 6) momentum that the joint rates bring with the spacecraft at rest.
-        free: How many components are kept.
-    """
-    change = np.abs((momentum - impulse - momentum[0])[:, :free]).max(initial=0.0)
-    sizes = (np.abs(h[:, :free]).max(initial=0.0) for h in (brought, momentum[:1], impulse))
-    most = max(sizes)
-    return float(change / most) if most > 0.0 else 0.0

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from spacearm.arrays import (
     LARGEST,
@@ -24,6 +25,7 @@ from spacearm.arrays import (
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import EVENTS
+from spacearm.results import Table
 from spacearm.signatures import checked
 
 #: (6,) [force [N]; torque [N m]], or a function of time [s] that gives it.
@@ -260,3 +262,62 @@ def wrench_at(link: str, wrench: Wrench, t: float) -> Array:
     """Return a wrench at a time, checked."""
     values = wrench(t) if callable(wrench) else wrench
     return finite(values, (6,), f"the wrench on {link!r}", "[force [N]; torque [N m]]")
+
+
+class MotorLoad(NamedTuple):
+    """Largest torque of a motor during a simulation, and how long it was at its limit.
+
+    Attributes:
+        motor: Name of the joint or wheel.
+        largest: Largest torque [N m], or force of a sliding joint [N].
+        share: Share of the time, 0 to 1, in which the torque is at the limit or beyond it: at the
+            limit for the rate of the joint then, which falls near its largest velocity (`Plant`).
+        limit: The limit at rest: the effort of the description, or the torque of `WheelHold`.
+        enforced: Whether the simulation cut the torque to the limit.
+    """
+
+    motor: str
+    largest: float
+    share: float
+    limit: float
+    enforced: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain data."""
+        return named(self)
+
+
+def share_of_time(t: Array, holds: npt.NDArray[np.bool_]) -> float:
+    """Return the share of the time in which something holds at samples t (m,)."""
+    if len(t) < 2:
+        return float(holds.all())
+    return float(np.trapezoid(holds.astype(float), t) / (t[-1] - t[0]))
+
+
+def motor_table(motors: Sequence[MotorLoad]) -> list[Table]:
+    """Return the table of motors with a limit; none if there are no such motors."""
+    if not motors:
+        return []
+    columns = ("motor", "largest torque", "limit", "time at the limit")
+    rows = [
+        (load.motor, f"{load.largest:.4g}", f"{load.limit:.4g}", f"{load.share:.1%}")
+        for load in motors
+    ]
+    return [Table(columns, rows, "Motors [N m], sliding joints [N]")]
+
+
+def motor_notes(motors: Sequence[MotorLoad]) -> list[str]:
+    """Say which motors were at their limit, and which went beyond a limit that was not enforced."""
+    reached = [load for load in motors if load.share > 0.0]
+    cut = [f"{load.motor} {load.share:.1%} of the time" for load in reached if load.enforced]
+    beyond = [
+        f"{load.motor} {load.largest:.4g} of {load.limit:.4g}, {load.share:.1%} of the time"
+        for load in reached
+        if not load.enforced
+    ]
+    notes = []
+    if cut:
+        notes.append(f"torque at its limit: {', '.join(cut)}")
+    if beyond:
+        notes.append(f"torque beyond its limit, which was not enforced: {', '.join(beyond)}")
+    return notes

@@ -18,13 +18,14 @@ from spacearm.mechanics import distance
 from spacearm.mechanics.arm_kernels import WIDE
 from spacearm.mechanics.distance import FADING
 from spacearm.mechanics.dynamics import forward_dynamics
+from spacearm.mechanics.jacobian import drift_of
 from spacearm.model.arguments import free_components
 from spacearm.model.joints import joint_scales
 from spacearm.motion import events
 from spacearm.motion.batch import Batch, Steps
-from spacearm.motion.motion import Trajectory, drift_of
+from spacearm.motion.motion import Trajectory
 from spacearm.motion.plant import Integration, Sampling
-from spacearm.motion.system import Prepared, System, WantedEvent
+from spacearm.motion.system import Prepared, System, WantedEvent, motor_loads
 from spacearm.singularities.nearest import local_offsets
 
 #: Share of the distance to the singular set that the joints may move until it is computed anew.
@@ -520,6 +521,7 @@ class Runs:
             work=works[:, 0].copy(),
             other_work=works[:, 1:].sum(axis=1),
             exchanged=float(batch.exchanged[0]),
+            motors=motor_loads(system, t, Y[:, at.dq], seen.torque, seen.spin),
             events=tuple(self.events[0]),
             ended=self.ended[0],
             called=self.called,

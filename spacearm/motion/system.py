@@ -15,7 +15,15 @@ from spacearm.arrays import Array, finite
 from spacearm.compiler import symbols
 from spacearm.compiler.expressions import asarray
 from spacearm.equations.laws import Law, Source, State
-from spacearm.equations.plant import Event, Parts, Pushed, Setup, moving, parts
+from spacearm.equations.plant import (
+    Event,
+    Parts,
+    Pushed,
+    Setup,
+    cut_torques,
+    moving,
+    parts,
+)
 from spacearm.errors import ConfigurationError, UnsupportedError, require_known
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.model.arguments import BaseMode, free_components
@@ -28,7 +36,7 @@ from spacearm.motion import user_functions as users
 from spacearm.motion.controllers import Controller, JointPD, gains
 from spacearm.motion.events import CLOSE, EVENTS, has_determinant
 from spacearm.motion.goal import goal_normal
-from spacearm.motion.plant import Integration, PassiveJoint, Plant, WheelHold
+from spacearm.motion.plant import Integration, MotorLoad, PassiveJoint, Plant, WheelHold
 from spacearm.singularities.report import NO_INVERSE
 
 #: The laws that are equations; laws derived from them are users' laws.
@@ -391,6 +399,47 @@ def wanted_events(
         for i, wheel in enumerate(arm.wheels):
             add("wheel full", wheel.name, Event("wheel", i), system.hold.capacity)
     return found
+
+
+#: Relative difference from a limit that is rounding.
+AT_LIMIT = 1e-9
+
+
+def motor_loads(
+    system: System, t: Array, dq: Array, torque: Array, wheel_torque: Array
+) -> tuple[MotorLoad, ...]:
+    """Return the load of each joint and wheel motor that has a limit.
+
+    Args:
+        system: The system that was simulated.
+        t: (m,) times [s].
+        dq: (m, n) joint rates [rad/s] or [m/s].
+        torque: (m, n) joint torques [N m] or [N].
+        wheel_torque: (m, w) torques of the wheels' motors [N m].
+    """
+    arm, hold = system.arm, system.hold
+    found = []
+    for j, name in enumerate(arm.joint_names):
+        joint = arm.tree.joints[name]
+        if np.isfinite(joint.effort):
+            asked = np.copysign(joint.effort, torque[:, j])
+            available = np.abs(cut_torques(np, asked, dq[:, j], joint.effort, joint.velocity))
+            load = _against(t, torque[:, j], available)
+            found.append(MotorLoad(name, *load, float(joint.effort), system.plant.limits))
+    for i, wheel in enumerate(arm.wheels):
+        enforced = hold is not None and np.isfinite(hold.torque)
+        limit = float(hold.torque if hold is not None and enforced else wheel.torque)
+        if np.isfinite(limit) and wheel_torque.any():
+            load = _against(t, wheel_torque[:, i], np.full(len(t), limit))
+            found.append(MotorLoad(wheel.name, *load, limit, enforced))
+    return tuple(found)
+
+
+def _against(t: Array, torque: Array, available: Array) -> tuple[float, float]:
+    """Return the largest size of torques (m,), and the share of time at what is available (m,)."""
+    size = np.abs(torque)
+    at_limit = size >= available * (1.0 - AT_LIMIT)
+    return float(size.max()), plants.share_of_time(t, at_limit)
 
 
 def _body(arm: SpaceArm, frame: int) -> int:

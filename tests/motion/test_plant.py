@@ -592,6 +592,34 @@ def test_wheels_that_are_asked_for_more_than_they_can_are_named():
     assert "times its limit of 0.001 N m" in notes
 
 
+@pytest.mark.parametrize("enforced", [False, True])
+def test_the_time_at_the_torque_limit_is_reported(enforced):
+    """A torque of twice the effort for a quarter of the time is at the limit for a quarter."""
+    arm = sa.load("planar2")
+    efforts = np.array([arm.tree.joints[name].effort for name in arm.joint_names])
+    assert np.isfinite(efforts).all()
+
+    def law(t, *_):
+        return [2.0 * efforts[0], 0.0] if t < 0.0005 else [0.0, -0.1 * efforts[1]]
+
+    run = sa.simulate(
+        arm.at([0.3, 1.2]),
+        law,
+        0.002,
+        plant=sa.Plant(limits=enforced),
+        integration=sa.Integration(dt=1e-5, events=()),
+    )
+    first, second = run.motors
+    assert first.share == pytest.approx(0.25, abs=0.01)
+    assert first.largest == pytest.approx((1.0 if enforced else 2.0) * efforts[0])
+    assert (second.share, second.largest) == (0.0, pytest.approx(0.1 * efforts[1]))
+    assert (first.limit, first.enforced) == (efforts[0], enforced)
+    notes = [note for note in run.describe().notes if "limit" in note]
+    assert len(notes) == 1
+    assert arm.joint_names[0] in notes[0]
+    assert arm.joint_names[1] not in notes[0]
+
+
 def test_sampled_torques_are_reported_as_they_act_and_their_accelerations_too():
     arm = sa.load("planar2")
     law = sa.JointPD(target=[0.9, 1.4], kp=5.0, kd=9.0)
