@@ -151,15 +151,16 @@ def require_known(
             raise ConfigurationError(f"{where}{unknown(kind, name, valid)}")
 
 
-def listed(names: Collection[str], of: int | None = None) -> str:
+def listed(names: Collection[str], of: int | None = None, longest: int = LONGEST_NAME) -> str:
     """Write the first ten names, and how many more there are.
 
     Args:
         names: The names.
         of: Number of all names, if these are the first of them.
+        longest: Largest number of characters of one.
     """
     rest = (len(names) if of is None else of) - MOST_NAMES
-    first = ", ".join(shortened(name, LONGEST_NAME) for name in islice(names, MOST_NAMES))
+    first = ", ".join(shortened(name, longest) for name in islice(names, MOST_NAMES))
     return f"{first} and {rest:,} more" if rest > 0 else first
 
 

@@ -8,11 +8,12 @@ import os
 import re
 import shutil
 import stat
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
+from urllib.parse import unquote
 
 import numpy as np
 import numpy.typing as npt
@@ -66,6 +67,64 @@ def read(path: Path, most: int = LARGEST_TEXT) -> bytes:
     if len(content) > most:
         raise OSError(f"larger than {most / 1e6:g} MB")
     return content
+
+
+class Named(NamedTuple):
+    """The files that a name in a file may mean.
+
+    Attributes:
+        found: The files that may be read, by their absolute paths, the most likely one first.
+        refused: What exists and is not read: its path and the reason, as part of a message.
+    """
+
+    found: list[Path]
+    refused: list[str]
+
+
+def named_files(name: str, folders: Sequence[Path], allowed: Callable[[Path], bool]) -> Named:
+    """Find the files that a name in a file may mean, among those that may be read.
+
+    All readers find by this function what a file names: meshes and their buffers, included files
+    and YAML files.
+
+    Args:
+        name: A relative or absolute path. It is also tried without blanks at its ends, with
+            backslashes as separators of folders and with percent-encoded characters, as in URIs.
+        folders: Folders that a relative name may start from, the most likely one first.
+        allowed: Tells whether a path may be read; see `lies_in`, which follows links.
+    """
+    found: list[Path] = []
+    refused: list[str] = []
+    slashed = name.strip().replace("\\", "/")
+    spellings = (name, name.strip(), slashed, unquote(slashed))
+    candidates = [Path(folder, text) for text in spellings for folder in folders]
+    for path in dict.fromkeys(map(normalised, candidates)):
+        try:
+            mode = path.stat().st_mode
+            if stat.S_ISDIR(mode):
+                continue
+            if not allowed(path):
+                target = path.resolve()
+                leads = f"{path}, which is" if target == path else f"{path}, a link to {target},"
+                refused.append(f"{leads} in none of its packages")
+            elif stat.S_ISREG(mode):
+                found.append(path)
+            else:
+                refused.append(f"{path}, a device or a pipe")
+        except (OSError, ValueError):  # there is none, or no file can have that name
+            continue
+    return Named(found, refused)
+
+
+def normalised(path: Path) -> Path:
+    """Return an absolute path without "..", links not followed."""
+    return Path(os.path.normpath(path.absolute()))
+
+
+def lies_in(path: Path, folders: Iterable[Path]) -> bool:
+    """Tell whether a path lies in one of the folders, once all links are followed."""
+    target = Path(os.path.realpath(path))
+    return any(target.is_relative_to(os.path.realpath(folder)) for folder in folders)
 
 
 def arrays_in(path: Path, most: int | None = None) -> dict[str, npt.NDArray[Any]]:

@@ -10,9 +10,9 @@ import zipfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache, lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
-from urllib.parse import unquote
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +21,7 @@ from lxml import etree
 
 from spacearm.arrays import LARGEST, Array
 from spacearm.errors import ModelError, listed, warn
-from spacearm.files import read
+from spacearm.files import lies_in, named_files, read
 
 if TYPE_CHECKING:
     import trimesh
@@ -301,6 +301,8 @@ FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf")
 LARGEST_MESH = 10**8
 #: Largest number of triangles of a mesh: a file may place one part any number of times.
 MOST_TRIANGLES = 10**7
+#: Levels of folders above a mesh that may be its package.
+LEVELS = 5
 #: Largest number of nodes of a COLLADA scene.
 MOST_NODES = 10_000
 #: Turns the up axis of a mesh to z, and right, as COLLADA has it, to x.
@@ -386,6 +388,8 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
     axis of glTF (and GLB), which is up in all files of this format, becomes z, as in RViz and
     Drake.
 
+    Nothing that the file names is opened but the buffers of a glTF file; see `_buffers`.
+
     Raises:
         ModelError: The format is not one of `FORMATS`, or the file is too large, broken, without
             triangles or has coordinates that are not finite.
@@ -436,7 +440,7 @@ def _mesh(path: Path) -> trimesh.Trimesh:
         scene = trimesh.load_scene(
             io.BytesIO(content),
             file_type=suffix[1:],
-            resolver=_buffers(path, content) if suffix == ".gltf" else None,
+            resolver=_buffers(path, content) if suffix == ".gltf" else {},
             process=False,
         )
         solids = {n: p for n, p in scene.geometry.items() if isinstance(p, trimesh.Trimesh)}
@@ -456,12 +460,28 @@ def _mesh(path: Path) -> trimesh.Trimesh:
 
 
 def _buffers(path: Path, gltf: bytes) -> dict[str, bytes]:
-    """Return the files of numbers that a glTF file names, by these names."""
+    """Return the files of numbers that a glTF file names, by these names.
+
+    They must lie in the folder of the mesh or in its package, links followed. Nothing else that the
+    mesh names, such as pictures, can be read by its reader, which gets these files alone.
+
+    Raises:
+        ValueError: A buffer is missing, or lies elsewhere.
+    """
     found, left = dict[str, bytes](), LARGEST_MESH
+    above = islice(path.parents, LEVELS)
+    package = (folder for folder in above if (folder / "package.xml").is_file())
+    places = [path.parent, *islice(package, 1)]
     for name in {buffer["uri"] for buffer in json.loads(gltf).get("buffers", [])}:
-        if not name.startswith("data:"):
-            found[name] = read(path.parent / unquote(name), left)
-            left -= len(found[name])
+        if name.startswith("data:"):
+            continue
+        named = named_files(name, [path.parent], lambda file: lies_in(file, places))
+        if named.refused:
+            raise ValueError(f"its buffer {name!r} is {named.refused[0]}; move it beside the mesh")
+        if not named.found:
+            raise ValueError(f"its buffer {name!r} is not found; put it beside the mesh")
+        found[name] = read(named.found[0], left)
+        left -= len(found[name])
     return found
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from lxml import etree
 
 from spacearm.description.tree import Tree
-from spacearm.files import read, xml
+from spacearm.files import lies_in, read, xml
 
 #: Name of the position in which a robot rests, in SRDF and MJCF.
 HOME = "home"
@@ -92,7 +92,7 @@ def _files(path: Path) -> Iterator[Path]:
         for package in sorted(folder.glob("*moveit_config*")):
             folders += (package / "config", package / "srdf")
     for folder in folders:
-        yield from sorted(folder.glob("*.srdf"))
+        yield from (file for file in sorted(folder.glob("*.srdf")) if lies_in(file, [folder]))
 
 
 def _read(file: Path) -> etree._Element | None:

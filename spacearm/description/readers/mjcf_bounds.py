@@ -1,20 +1,21 @@
-"""MJCF before MuJoCo compiles it: how much it asks for, and that what it names are files.
+"""MJCF before MuJoCo compiles it: how much it asks for, and which files it names.
 
 MuJoCo builds whatever a file asks for, and opens whatever it names: a height field of any size, any
-number of copies, a pipe that stays silent.
+number of copies, a pipe that stays silent, a file of somebody else.
 """
 
 from __future__ import annotations
 
 import math
-import stat
 from collections.abc import Collection
+from functools import partial
 from pathlib import Path
 
 from lxml import etree
 
+from spacearm.description.readers.packages import MESHES
 from spacearm.description.readers.source import Source
-from spacearm.files import read
+from spacearm.files import named_files, read
 
 #: Largest number of elements, with those that are copied or generated.
 MOST_ELEMENTS = 100_000
@@ -29,10 +30,17 @@ GENERATED = {"composite", "flexcomp"}
 #: Attributes whose product is a number of numbers.
 ASKED = {"hfield": ("nrow", "ncol"), "texture": ("width", "height"), "numeric": ("size",)}
 FOLDERS = ("assetdir", "meshdir", "texturedir")
+#: Elements that name further MJCF files, and those whose files are deleted before they are opened.
+PARTS, DELETED = ("include", "model"), ("texture", "hfield", "skin")
+#: Encodings of which MuJoCo, which reads bytes, sees the same elements as a parser of XML.
+ENCODINGS = ("UTF-8", "ASCII", "US-ASCII", "ISO-8859-1", "ISO-8859-15", "WINDOWS-1252")
 
 
 def check_bounds(source: Source, root: etree._Element) -> bool:
-    """Refuse an MJCF that asks for too much, or that names a device or a pipe.
+    """Refuse an MJCF that asks for too much, or names what it may not.
+
+    It may name MJCF files and meshes of its packages, and meshes anywhere by absolute paths; see
+    `Packages.holds` and `Packages.mesh`.
 
     Args:
         source: The file.
@@ -45,8 +53,10 @@ def check_bounds(source: Source, root: etree._Element) -> bool:
         ModelError: It does; the message says the bound.
     """
     bounds = _Bounds(source)
+    bounds.check_encoding(root)
     total = bounds.elements(root, source.path.resolve())
-    return total <= FEW_ELEMENTS and bounds.most <= FEW_NUMBERS and bounds.bytes() <= FEW_BYTES
+    size = bounds.bytes()  # of every file: it refuses some
+    return total <= FEW_ELEMENTS and bounds.most <= FEW_NUMBERS and size <= FEW_BYTES
 
 
 class _Bounds:
@@ -56,7 +66,8 @@ class _Bounds:
         self._source = source
         self._folders = [source.path.resolve().parent]
         self._subfolders = {""}
-        self._named: set[str] = set()
+        self._meshes: set[str] = set()
+        self._parts: set[str] = set()
         self._count = 0
         self.most = 0.0
 
@@ -89,35 +100,40 @@ class _Bounds:
                     "copy or generate fewer",
                 )
             self._check_numbers(element)
-            self._named.update(v for k, v in element.items() if k.startswith("file"))
+            if element.tag not in DELETED:
+                names = self._parts if element.tag in PARTS else self._meshes
+                names.update(v for k, v in element.items() if k.startswith("file"))
             self._subfolders.update(element.get(folder, "") for folder in FOLDERS)
             left += [(child, times) for child in element.iterchildren(etree.Element)]
         return total + attached * largest
 
     def bytes(self) -> int:
-        """Return the size of all files that are named; refuse what is not a regular file."""
-        files = {path for name in self._named for path in self._files(name)}
+        """Return the size of all files that MuJoCo opens; refuse those that it may not open."""
+        for name in self._parts:  # again, since all folders are known only now
+            self._files(name)
+        files = {path for name in self._meshes for path in self._files(name, MESHES)}
         return sum(path.stat().st_size for path in files)
 
-    def _files(self, name: str) -> list[Path]:
-        """Return the files that MuJoCo may take a name for."""
-        places = (
-            Path(folder, subfolder, word)
-            for folder in self._folders
-            for subfolder in self._subfolders
-            for word in (name, Path(name).name)
-        )
-        found = []
-        for path in dict.fromkeys(places):
-            try:
-                mode = path.stat().st_mode
-            except (OSError, ValueError):  # there is none, or none can have that name
-                continue
-            if stat.S_ISREG(mode):
-                found.append(path)
-            elif not stat.S_ISDIR(mode):
-                self._source.fail(f"names {path}, a device or a pipe", "name a file")
-        return found
+    def _files(self, name: str, anywhere: Collection[str] = ()) -> list[Path]:
+        """Return the files that MuJoCo may take a name for.
+
+        Args:
+            name: The name.
+            anywhere: Suffixes of files that may lie anywhere if their path is absolute.
+        """
+        found: list[Path] = []
+        for subfolder in self._subfolders:
+            for word in dict.fromkeys((name, Path(name.replace("\\", "/")).name)):
+                within = Path(subfolder, word)
+                suffixes = anywhere if within.is_absolute() else ()
+                allowed = partial(self._source.packages.holds, anywhere=suffixes)
+                named = named_files(str(within), self._folders, allowed)
+                for refused in named.refused:
+                    remedy = "if it is meant to, name its folder by packages=[FOLDER]"
+                    device = refused.endswith("a device or a pipe")
+                    self._source.fail(f"names {refused}", "name a file" if device else remedy)
+                found += named.found
+        return list(dict.fromkeys(found))
 
     def _parsed(self, name: str, but: Collection[Path] = ()) -> dict[Path, etree._Element]:
         """Return the root elements of the files that a name may stand for, but for some."""
@@ -130,11 +146,18 @@ class _Bounds:
         for path in {path.resolve() for path in self._files(name)}.difference(but):
             try:
                 roots[path] = self._source.parsed(read(path))
+                self.check_encoding(roots[path])
             except OSError as error:
                 self._source.fail(f"names {path}, which cannot be read ({error})", "correct it")
             if path.parent not in self._folders:
                 self._folders.append(path.parent)
         return roots
+
+    def check_encoding(self, root: etree._Element) -> None:
+        """Refuse a file in whose bytes MuJoCo may see other elements than a parser of XML."""
+        encoding = etree.ElementTree(root).docinfo.encoding or "UTF-8"
+        if encoding.upper() not in ENCODINGS:
+            self._source.fail(f"is encoded as {encoding!r}", "save it as UTF-8")
 
     def _check_numbers(self, element: etree._Element) -> None:
         tag = str(element.tag)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from functools import cached_property
-from itertools import islice
+from collections.abc import Collection, Iterator, Sequence
+from functools import cached_property, partial
+from itertools import chain, islice
 from pathlib import Path
 
 from lxml import etree
 
-from spacearm.files import xml
+from spacearm.description.shapes import FORMATS
+from spacearm.files import lies_in, named_files, normalised, read, xml
 
 #: Levels of folders below each place that are searched.
 DEPTH = 3
@@ -18,6 +19,27 @@ DEPTH = 3
 LEVELS = 5
 #: Largest number of folders that are searched in one place.
 MOST_FOLDERS = 5_000
+#: Suffixes of meshes; MuJoCo has one of its own.
+MESHES = (*FORMATS, ".msh")
+#: Environment variables that name folders of models of Gazebo.
+MODEL_FOLDERS = (
+    "GZ_SIM_RESOURCE_PATH",
+    "IGN_GAZEBO_RESOURCE_PATH",
+    "SDF_PATH",
+    "GAZEBO_MODEL_PATH",
+)
+
+
+class OutsideError(Exception):
+    """A name leads to a file outside the places where a robot file may name files.
+
+    Attributes:
+        refused: The path and the reason, as part of a message.
+    """
+
+    def __init__(self, refused: str) -> None:
+        super().__init__(refused)
+        self.refused = refused
 
 
 class Packages:
@@ -31,22 +53,29 @@ class Packages:
     def __init__(self, file: Path, folders: Sequence[Path] = ()) -> None:
         self._file = file
         self._folders = [folder.resolve() for folder in folders]
+        self._given = [normalised(folder) for folder in folders]
         self._indices: dict[Path, dict[str, Path]] = {}
         self._found: dict[str, Path | None] = {}
 
     def find(self, name: str) -> Path | None:
         """Return the folder of a package; None if there is none."""
         if name not in self._found:
-            places = (*self._folders, *self.around, *_environment())
-            indices = (self._index(place) for place in places)
-            self._found[name] = next((index[name] for index in indices if name in index), None)
+            self._found[name] = self._searched(name)
         return self._found[name]
 
-    def resolve(self, name: str) -> Path | None:
-        """Return the path that package://NAME/REST means; None if there is no such package."""
-        package, _, rest = name.removeprefix("package://").partition("/")
-        folder = self.find(package) if package else None
-        return folder / rest if folder else None
+    def _searched(self, name: str) -> Path | None:
+        """Search for the folder of a package.
+
+        A link from around the file to elsewhere is a package if a package.xml there says so.
+        """
+        for place in (*self._folders, *self.around, *_environment()):
+            folder = self._index(place).get(name)
+            if folder is None:
+                continue
+            inside = self._is_trusted(folder) or lies_in(folder, [place])
+            if inside or _declared_name(folder / "package.xml") == name:
+                return folder
+        return None
 
     def file(self, name: str) -> Path | None:
         """Find the file that a description names.
@@ -57,37 +86,80 @@ class Packages:
 
         Returns:
             Its absolute path, or None if there is no such file.
+
+        Raises:
+            OutsideError: The file lies outside the packages, see `holds`.
         """
+        return self._file_of(name, ())
+
+    def mesh(self, name: str) -> Path | None:
+        """Find the mesh that a description names, as `file` does.
+
+        A mesh may lie anywhere if the description names it by an absolute path, as expanded xacro
+        sources and exported robot files do. What the path leads to must be named as a mesh.
+        """
+        return self._file_of(name, MESHES)
+
+    def _file_of(self, name: str, anywhere: Collection[str]) -> Path | None:
+        """Find a file; one with these suffixes may lie anywhere if its path is absolute."""
         scheme, _, rest = name.strip().replace("\\", "/").rpartition("://")
-        candidates: list[Path] = []
+        places: list[tuple[str, Path]] = []
+        allowed = self.holds
         if scheme in ("", "file") or scheme.endswith("file"):
-            candidates = [self._file.parent / rest, *(folder / rest for folder in self.around)]
+            places = [(rest, folder) for folder in (self._file.parent, *self.around)]
+            if Path(rest).is_absolute():
+                allowed = partial(self.holds, anywhere=anywhere)
         elif scheme.rpartition("://")[2] in ("package", "model"):
-            within = self.resolve(f"package://{rest}")
-            candidates = [within] if within else []
-            tails = (rest, rest.partition("/")[2])
-            candidates += [folder / tail for folder in self.around for tail in tails]
-        try:
-            found = next((path for path in candidates if path.is_file()), None)
-            return Path(os.path.normpath(found.absolute())) if found else None
-        except (OSError, ValueError):
-            return None  # no file can have that name
+            package, _, inner = rest.partition("/")
+            if package and (folder := self.find(package)):
+                places = [(inner.lstrip("/"), folder)]
+            tails = (rest.lstrip("/"), inner.lstrip("/"))
+            places += [(tail, folder) for folder in self.around for tail in tails]
+        refused: list[str] = []
+        for tail, folder in places:
+            named = named_files(tail, [folder], allowed)
+            if named.found:
+                return named.found[0]
+            refused += named.refused
+        if refused:
+            raise OutsideError(refused[0])
+        return None
 
-    def holds(self, path: Path) -> bool:
-        """Whether a file belongs to the packages found so far or lies around the robot file.
+    def holds(self, path: Path, anywhere: Collection[str] = ()) -> bool:
+        """Whether a robot file may name a file.
 
-        Around it means not hidden and, where that is a top folder, in this folder itself.
+        It may if the file belongs to the packages found so far or lies around the robot file, links
+        followed. Around it means not hidden and, where that is a top folder, in this folder itself;
+        below the folder of the robot file is always around it. Links in folders that the caller or
+        the environment names may lead anywhere.
+
+        Args:
+            path: The file.
+            anywhere: Suffixes of files that may lie anywhere.
         """
-        file = path.resolve()
-        found = [folder.resolve() for folder in self._found.values() if folder]
-        if any(file.is_relative_to(folder) for folder in (*self._folders, *found)):
+        file, file_of_robot = path.resolve(), self._file.resolve()
+        found = [folder for folder in self._found.values() if folder]
+        if self._is_trusted(path) or lies_in(path, found) or file == file_of_robot:
             return True
-        for folder in filter(file.is_relative_to, self.around):
-            parts = file.relative_to(folder).parts
+        if file.suffix.lower() in anywhere:
+            return True
+        own_folders = (self._file.absolute().parent, file_of_robot.parent)
+        for folder in self.around:
+            place = folder.resolve()
+            if not file.is_relative_to(place):
+                continue
+            parts = file.relative_to(place).parts
             hidden = any(part.startswith(".") for part in parts)
-            if not hidden and (len(parts) == 1 or not _is_top(folder)):
+            own = folder in own_folders and len(folder.parts) > 1
+            if not hidden and (own or len(parts) == 1 or not _is_top(folder)):
                 return True
         return False
+
+    def _is_trusted(self, path: Path) -> bool:
+        """Whether a path, links not followed, is in a folder of the caller or the environment."""
+        places = (*self._folders, *self._given, *_environment(), *_model_folders())
+        file = normalised(path)
+        return any(file.is_relative_to(normalised(place)) for place in places)
 
     @cached_property
     def around(self) -> list[Path]:
@@ -146,7 +218,7 @@ def _folders_in(folder: Path) -> list[Path]:
 def _declared_name(manifest: Path) -> str | None:
     """Return the name that a package.xml declares."""
     try:
-        name = xml(manifest.read_bytes()).findtext("name")
+        name = xml(read(manifest)).findtext("name")
     except (OSError, etree.XMLSyntaxError):
         return None
     return name.strip() if name else None
@@ -157,3 +229,9 @@ def _environment() -> Iterator[Path]:
     for variable, inner in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")):
         for folder in filter(None, os.environ.get(variable, "").split(os.pathsep)):
             yield Path(folder, inner)
+
+
+def _model_folders() -> Iterator[Path]:
+    """Yield the folders of models that Gazebo names in the environment."""
+    named = chain.from_iterable(os.environ.get(v, "").split(os.pathsep) for v in MODEL_FOLDERS)
+    yield from map(Path, filter(None, named))

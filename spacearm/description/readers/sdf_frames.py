@@ -21,9 +21,11 @@ from lxml import etree
 
 from spacearm.description.readers import urdf
 from spacearm.description.readers.forest import warn_of_balls
+from spacearm.description.readers.packages import MODEL_FOLDERS
 from spacearm.description.readers.source import WRITTEN, Source, describe, in_xacro, line_of
 from spacearm.description.tree import Tree, free_name
 from spacearm.errors import listed, unknown
+from spacearm.files import named_files, normalised
 
 
 class Scope(NamedTuple):
@@ -282,8 +284,6 @@ class Frames:
         return self.frames[name]
 
 
-#: Environment variables that name folders of models.
-FOLDERS = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH", "GAZEBO_MODEL_PATH")
 #: Most includes in one another; more are a loop.
 DEEPEST = 20
 
@@ -304,9 +304,10 @@ def included(
         ModelError: The file is not found, or holds no model.
     """
     uri, said = words(include, "uri"), _said(include)
-    path = next((p for p in _candidates(source, uri) if p.is_file()), None)
+    refused: list[str] = []
+    path = next(_candidates(source, uri, refused), None)
     if path is None:
-        problem = f"{said} is not found"
+        problem = f"{said} means {refused[0]}" if refused else f"{said} is not found"
         if not needed:
             source.warn(f"{problem}: left out")
             return None, None
@@ -333,8 +334,8 @@ def included(
     for element in models[0].iter(etree.Element):
         element.set(WRITTEN, f"line {element.sourceline} of {uri}")
         named = (element.text or "").strip() if element.tag == "uri" else ""
-        if named and (path.parent / named).exists():
-            element.text = str(path.parent / named)
+        if named:
+            element.text = _from_top(inner, named)
     return _placed(models[0], include), None
 
 
@@ -359,31 +360,65 @@ def _placed(model: etree._Element, include: etree._Element) -> etree._Element:
     return copy
 
 
-def _candidates(source: Source, uri: str) -> Iterator[Path]:
-    """Yield the files that a URI may mean."""
-    scheme, _, rest = uri.rpartition("://")
-    if scheme == "file":
-        yield from _model_files(Path(rest))
-    elif scheme == "" and rest:
-        yield from _model_files(source.path.resolve().parent / rest)
+def _from_top(inner: Source, uri: str) -> str:
+    """Return what a URI of an included file is called in the file that includes it.
+
+    A path relative to the included file becomes that of the file or folder, if it may be read.
+    """
+    path = normalised(inner.path.parent / uri)
+    try:
+        return str(path) if path.exists() and inner.packages.holds(path) else uri
+    except (OSError, ValueError):  # nothing can have that name
+        return uri
+
+
+def _candidates(source: Source, uri: str, refused: list[str]) -> Iterator[Path]:
+    """Yield the files that a URI may mean, the most likely one first.
+
+    Args:
+        source: The file that names it.
+        uri: The URI.
+        refused: Gets what exists and is not read: its path and the reason.
+    """
+    scheme, _, rest = uri.strip().replace("\\", "/").rpartition("://")
+    places: list[tuple[Path, str]] = []
+    if scheme in ("", "file") and rest:
+        places = [(source.path.resolve().parent, rest)]
     if scheme in ("", "model", "package"):
-        for place in chain(*(os.environ.get(name, "").split(os.pathsep) for name in FOLDERS)):
+        relative = rest.lstrip("/")
+        for place in chain(*(os.environ.get(name, "").split(os.pathsep) for name in MODEL_FOLDERS)):
             if place:
-                yield from _model_files(Path(place) / rest)
-        if found := source.packages.resolve(f"package://{rest}"):
-            yield from _model_files(found)
+                places.append((Path(place), relative))
+        package, _, inner = relative.partition("/")
+        if package and (found := source.packages.find(package)):
+            places.append((found, inner.lstrip("/")))
+    for folder, name in places:
+        yield from _model_files(source, folder, name, refused)
 
 
-def _model_files(path: Path) -> Iterator[Path]:
+def _version(element: etree._Element) -> list[int]:
+    """Return the version of SDFormat that an element of a model.config states; [] for none."""
+    try:
+        return [int(number) for number in element.get("version", "0").split(".")]
+    except ValueError:
+        return []
+
+
+def _model_files(source: Source, folder: Path, name: str, refused: list[str]) -> Iterator[Path]:
     """Yield a file, or the files of a model's folder: those of its model.config, newest first."""
-    yield path
-    config = path / "model.config"
-    if config.is_file():
+
+    def named(*parts: str) -> list[Path]:
+        files = named_files(str(Path(name, *parts)), [folder], source.packages.holds)
+        refused.extend(files.refused)
+        return files.found
+
+    yield from named()
+    for config in named("model.config"):
         sdfs = Source(config).root().findall("sdf")
-        newest = sorted(sdfs, key=lambda e: [int(x) for x in e.get("version", "0").split(".")])
+        newest = sorted(sdfs, key=_version)
         for element in reversed(newest):
-            yield path / (element.text or "").strip()
-    yield path / "model.sdf"
+            yield from named((element.text or "").strip())
+    yield from named("model.sdf")
 
 
 def pose(source: Source, parent: etree._Element) -> pin.SE3:

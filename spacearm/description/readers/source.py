@@ -20,7 +20,7 @@ import pinocchio as pin
 from lxml import etree
 
 from spacearm.arrays import LARGEST, MOST_LINKS, Array, positive
-from spacearm.description.readers.packages import Packages
+from spacearm.description.readers.packages import OutsideError, Packages
 from spacearm.description.shapes import TURNED, Mesh, Shape, Unusable, Visuals
 from spacearm.errors import ConfigurationError, ModelError, ModelWarning, listed, warn
 from spacearm.files import read, xml
@@ -183,6 +183,7 @@ class Source:
         self.notes: list[str] = []
         self.balls: list[str] = []
         self._meshes: dict[str, Path | None] = {}
+        self._refused: dict[str, str] = {}
 
     def fail(self, problem: str, remedy: str) -> NoReturn:
         """Raise the `ModelError` that names this file."""
@@ -200,9 +201,17 @@ class Source:
     def mesh(self, element: etree._Element, name: str, scale: Array) -> Mesh:
         """Return the mesh of an element; without a file, to be warned of, if there is none."""
         if name not in self._meshes:
-            self._meshes[name] = self.packages.file(name)
+            self._meshes[name] = self._mesh_file(name)
         factors, turned = tuple(scale.tolist()), element.get(TURNED) == "true"
         return Mesh(name, self._meshes[name], factors, turned)
+
+    def _mesh_file(self, name: str) -> Path | None:
+        """Return the file of a mesh; None, to be warned of, if it is not found or not read."""
+        try:
+            return self.packages.mesh(name)
+        except OutsideError as error:
+            self._refused[name] = error.refused
+            return None
 
     def shapes(
         self, link: etree._Element, read: Callable[[etree._Element], Iterable[Shape]]
@@ -235,12 +244,19 @@ class Source:
         self.fail(problem, f"give it a {known}")
 
     def warn_of_missing_meshes(self, others: Iterable[str] = ()) -> None:
-        """Warn of mesh files that were not found, if any; one warning for all.
+        """Warn of mesh files that were not found or are not read, if any; one warning for all.
 
         Args:
             others: Names of those that `mesh` was not asked for.
         """
-        names = (*others, *(name for name, file in self._meshes.items() if file is None))
+        if self._refused:
+            refused = [f"{name[:LONGEST]!r} is {why}" for name, why in self._refused.items()]
+            self.warn(
+                f"meshes not read (physics is not affected): {listed(refused, longest=LONGEST)}; "
+                "if they are meant to be, name their folder by packages=[FOLDER]"
+            )
+        lost = [name for name, file in self._meshes.items() if file is None]
+        names = (*others, *(name for name in lost if name not in self._refused))
         if missing := sorted({name[:LONGEST] for name in names}):
             self.notes.append(f"meshes not found: {', '.join(missing)}")
             warn(f"{self.path}: meshes not found (physics is not affected): {listed(missing)}")

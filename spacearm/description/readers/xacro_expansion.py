@@ -22,7 +22,7 @@ from xml.parsers.expat import ExpatError
 
 from lxml import etree
 
-from spacearm.description.readers.packages import Packages
+from spacearm.description.readers.packages import OutsideError, Packages
 from spacearm.description.readers.source import WRITTEN, mended
 from spacearm.description.readers.xacro_expressions import (
     BOUNDED,
@@ -31,7 +31,7 @@ from spacearm.description.readers.xacro_expressions import (
     Evaluator,
     ExpressionError,
 )
-from spacearm.files import LARGEST_TEXT, read
+from spacearm.files import LARGEST_TEXT, named_files, read
 
 #: Functions of xacro's namespace python that expressions do without.
 CLOSED = ("type", "vars", "hash", "repr")
@@ -222,21 +222,24 @@ class Expansion:
             XacroError: There is no such file, or it lies elsewhere.
         """
         if package := re.search(r"package://([^/]*).*", filename):
-            if (around := self._packages.file(package[0])) is None:
+            try:
+                around = self._packages.file(package[0])
+            except OutsideError as error:
+                raise _outside(error.refused) from None
+            if around is None:
                 raise MissingPackageError(
                     f"reads {package[0]} of the package {package[1]!r}, which was not found",
                     f"name the folder that holds {package[1]!r}: packages=[FOLDER]",
                 )
             filename = str(around)
-        file = Path(os.path.normpath(filename))
         self._evaluator.step(MACRO)
-        if not file.exists():
-            raise MissingFileError(file)
-        if not self._packages.holds(file):
-            raise XacroError(
-                f"reads {file}, which is in none of its packages",
-                "if it is meant to, name its folder by packages=[FOLDER]",
-            )
+        named = named_files(filename, [Path()], self._packages.holds)
+        if named.found:
+            file = named.found[0]
+        elif named.refused:
+            raise _outside(named.refused[0])
+        else:
+            raise MissingFileError(Path(os.path.normpath(filename)))
         self.files.append(file)
         try:
             return file, read(file, most)
@@ -360,6 +363,11 @@ def _expanded(node: Any) -> float:
         return sizes[id(node)]
 
     return size(node) if node else 0
+
+
+def _outside(refused: str) -> XacroError:
+    """Return the error for a file that is not read: its path and the reason."""
+    return XacroError(f"reads {refused}", "if it is meant to, name its folder by packages=[FOLDER]")
 
 
 class XacroError(Exception):
