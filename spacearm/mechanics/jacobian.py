@@ -12,6 +12,7 @@ three linear ones if its attitude is controlled, none if it is fixed.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -427,3 +428,10 @@ def plane_of_motion(arm: SpaceArm) -> int | None:
     A = np.array([cfg.A[3:] for cfg in probes(arm)])
     leaks = np.abs(A[:, across, 6:]).max() + np.abs(A[:, across, 3 + normal]).max()
     return normal if leaks <= 1e-12 * np.abs(A).max() else None
+
+
+@lru_cache(maxsize=64)
+def turning_axes(arm: SpaceArm) -> tuple[int, ...]:
+    """Return the axes about which an arm turns its spacecraft: the normal of a plane, or all."""
+    normal = plane_of_motion(arm)
+    return (0, 1, 2) if normal is None else (normal,)

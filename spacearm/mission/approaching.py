@@ -31,10 +31,12 @@ from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import generalized_velocity, momentum_and_torque
 from spacearm.mechanics.floating import STEP, attitudes, placed, reactions, samples, walk
 from spacearm.mechanics.target import Target
-from spacearm.mission.braking import Braking, braked, largest_torques
+from spacearm.mission.braking import Braking, braked
 from spacearm.mission.catch_report import Catch, grasp_of, in_hand
+from spacearm.mission.kept_limits import CatchLimits
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.motion.flights import load_peaks
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import goal_axes, largest, out_of_reach, twist_between
 from spacearm.motion.motion import Motion
@@ -448,12 +450,27 @@ class Approach:
 
     def _told(self, t: float, reach: Plan, chase: Followed, brake: Braking) -> dict[str, Any]:
         """Return what a catch at a time holds of its parts, whose torques are checked."""
-        torque = np.maximum(largest_torques(chase), np.abs(brake.torque).max(axis=0))
+        led = load_peaks(chase).bound[: self.start.arm.n]
+        torque = np.maximum(led, brake.largest_torques)
         self._check_loads("torque", torque, self.efforts)
         begin = max(t - float(chase.t[-1] + reach.t[-1]), 0.0)
-        parts = {"target": self.target, "plan": reach, "chase": chase, "brake": brake}
+        parts: dict[str, Any] = {
+            "target": self.target,
+            "plan": reach,
+            "chase": chase,
+            "brake": brake,
+        }
         wheels = self._wheels_after(brake[-1])
-        return {**parts, "t": t, "begin": begin, "torque": torque, "wheels": wheels, "tried": ()}
+        limits = CatchLimits(
+            rates=self.constraints.joint_rates(self.start.arm),
+            torques=self.efforts,
+            loads=self.bears,
+            positions=self.constraints.limits,
+            clearance=self.constraints.clearance,
+            wheels=wheels,
+        )
+        parts |= {"torque": torque, "limits": limits, "wheels": wheels}
+        return {**parts, "t": t, "begin": begin, "tried": ()}
 
     def _straight(self, goal: Joints, lasts: float, t: float, search: Search) -> Plan:
         """Return the plan of a straight joint motion until a time t.

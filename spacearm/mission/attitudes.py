@@ -30,6 +30,7 @@ from spacearm.arrays import (
     within,
 )
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
+from spacearm.mechanics.jacobian import turning_axes
 from spacearm.mission.attitude_search import (
     ENDS,
     HeldTip,
@@ -45,7 +46,6 @@ from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, Path, follow, path_start, segments
 from spacearm.motion.leading import Settings, table_of
-from spacearm.planning.many_curves import turning_axes
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
 from spacearm.signatures import checked
 

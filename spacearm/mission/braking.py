@@ -12,11 +12,12 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.dynamics import inverse_dynamics, momentum_and_torque
+from spacearm.mechanics.dynamics import momentum_and_torque
 from spacearm.mechanics.floating import carried_along, placed, samples
+from spacearm.mechanics.motion_bounds import Peaks
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.motion.flights import Grasp, held_loads
+from spacearm.motion.flights import Grasp, held_loads, load_peaks
 from spacearm.motion.motion import Drifting
 from spacearm.planning.many_curves import steered_attitudes
 from spacearm.planning.reactions import Wheels, load_of
@@ -38,6 +39,7 @@ class Braking(Drifting):
         wrench: (m, 6) what the grapple bears: force [N] and moment [N m] at the tip that move the
             target, tip axes.
         wheel_load: As of `Plan`.
+        peaks: Bounds on torques and loads between the samples; None where there are none.
     """
 
     dq: Array = field(kw_only=True)
@@ -45,10 +47,23 @@ class Braking(Drifting):
     torque: Array = field(kw_only=True)
     wrench: Array = field(kw_only=True)
     wheel_load: str = field(default="", kw_only=True)
+    peaks: Peaks | None = field(default=None, kw_only=True, metadata={"in_file": False})
+
+    @property
+    def largest_torques(self) -> Array:
+        """(n,) largest joint torques [N m] or [N]: bounds where there are some, else at samples."""
+        if self.peaks is not None:
+            return self.peaks.bound[: self.arm.n]
+        return np.asarray(np.abs(self.torque).max(axis=0))
 
     @property
     def borne(self) -> Array:
-        """(2,) the largest force [N] and the largest moment [N m] that the grapple bears."""
+        """(2,) the largest force [N] and the largest moment [N m] that the grapple bears.
+
+        Bounds where there are some, else at the samples.
+        """
+        if self.peaks is not None:
+            return self.peaks.bound[self.arm.n :]
         return np.linalg.norm(self.wrench.reshape(-1, 2, 3), axis=2).max(axis=0)
 
 
@@ -96,7 +111,10 @@ def braked(
         if proof is not None and not proof.free:
             why = f"braking in {duration:g} s leads through a singular posture"
             break
-        torque = float((np.abs(motion.torque) / efforts).max())
+        fits = (motion.largest_torques <= efforts).all() and (motion.borne <= bears).all()
+        if fits:
+            motion = replace(motion, peaks=load_peaks(motion, body))
+        torque = float((motion.largest_torques / efforts).max())
         force, moment = motion.borne
         why = (
             f"braking in {duration:g} s takes {torque:.3g} times the torque of a joint, and "
@@ -149,12 +167,3 @@ def _with_wheels(motion: Braking, wheels: Wheels, story: str) -> Braking:
     moving, _ = momentum_and_torque(motion.arm, motion.q, motion.dq, motion.ddq)
     held = wheels.momenta(moving)[:, : len(motion.arm.wheels)]
     return replace(motion, wheels=held, wheel_load=story)
-
-
-def largest_torques(motion: Drifting) -> Array:
-    """Return the largest torques (n,) of a motion [N m] or [N]."""
-    rows = np.unique(np.linspace(0, len(motion) - 1, STEPS).astype(int)).tolist()
-    taus = [
-        inverse_dynamics(motion[i], motion.dq[i], motion.ddq[i], mode=motion.mode).tau for i in rows
-    ]
-    return np.abs(taus).max(axis=0)

@@ -17,6 +17,7 @@ from spacearm.errors import NoSolutionError, listed
 from spacearm.mechanics.dynamics import momentum_and_torque, spacecraft_twist
 from spacearm.mechanics.target import Target
 from spacearm.mission.braking import Braking
+from spacearm.mission.kept_limits import CatchLimits, with_checks
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.controllers import Tracking
@@ -78,7 +79,9 @@ class Catch(Result, kw_only=True):
         place_error: Distance of the tip from the grapple frame at contact [m].
         turn_error: Angle between them [rad].
         twist_error: (6,) twist of the tip less that of the frame [m/s], [rad/s].
-        torque: (n,) largest torques from the stand-off on and while braking [N m] or [N].
+        torque: (n,) largest torques from the stand-off on and while braking [N m] or [N]: upper
+            bounds at every instant for one tip; with several tips at the samples while braking.
+        limits: The limits that it keeps, and that `fly` checks along the simulation.
         momentum: (6,) momentum of arm and target together about the CM of both [kg m/s], [N m s].
         wheels: The wheels, with their limits; None where the spacecraft has none.
         wheel_load: Largest momentum and torque of the wheels that hold the attitude, a sentence for
@@ -98,6 +101,7 @@ class Catch(Result, kw_only=True):
     turn_error: float
     twist_error: Array
     torque: Array
+    limits: CatchLimits
     momentum: Array
     wheels: Wheels | None
     wheel_load: tuple[str, ...]
@@ -166,6 +170,8 @@ class Catch(Result, kw_only=True):
 
         Returns:
             The flight: "approach", "closing in", "braking", and "detumbling" if wheels do that.
+            `Flight.limits` has every limit of the catch with its largest value in the simulation;
+            one that is exceeded is an event "limit exceeded", too.
 
         Raises:
             SpaceArmError: As `simulate_phases` raises.
@@ -189,7 +195,7 @@ class Catch(Result, kw_only=True):
             flown = FLOATING if acting.wheels is not None else mode
             phase = Phase(Tracking(motion), lasts, then, mode=flown, plant=acting, name=name)
             phases.append(replace(phase, integration=integration))
-        return simulate_phases(self.plan[0], phases, progress=progress)
+        return with_checks(simulate_phases(self.plan[0], phases, progress=progress), self.limits)
 
     def _damper(self) -> WheelHold | None:
         """Return the law by which wheels take up the tumble, if there are any."""

@@ -37,6 +37,7 @@ from spacearm.mechanics.target import Target
 from spacearm.mission.approaching import NO_WAY, Approach, Grapple, away, in_turn
 from spacearm.mission.braking import BRAKES, Braking
 from spacearm.mission.catch_report import Catch
+from spacearm.mission.kept_limits import with_checks
 from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.motion import following
@@ -78,13 +79,14 @@ class HandsFlight(Flight, kw_only=True):
     From the first grasp on its phases are a `TargetRun` each. `tip_wrench` has (m, 6 tips).
     """
 
-    def _wrenches(self, i: int) -> Array:
-        run, first, tips = self.phases[i], min(i, 1), self.arm.tips
+    def phase_wrenches(self, i: int) -> Array:
+        """Return the wrenches of all tips in phase i, as `Flight.phase_wrenches`."""
+        run, tips = self.phases[i], self.arm.tips
         if not isinstance(run, TargetRun):
-            return np.zeros((len(run) - first, 6 * len(tips)))
-        turns = [[tip.rotation for tip in cfg.tips] for cfg in run][first:]
+            return np.zeros((len(run), 6 * len(tips)))
+        turns = [[tip.rotation for tip in cfg.tips] for cfg in run]
         none = np.zeros((len(run), 6))
-        given = np.stack([run.grasps.get(tip, none)[first:] for tip in tips], axis=1)
+        given = np.stack([run.grasps.get(tip, none) for tip in tips], axis=1)
         in_tips = given.reshape(*given.shape[:2], 2, 3) @ np.array(turns)
         return in_tips.reshape(len(given), -1)
 
@@ -204,7 +206,8 @@ class HandsCatch(Catch, kw_only=True):
             twist, end = seen.J @ v, kinematics(arm, last.q, last.base)
             end = end.with_momentum(end.A @ v)
         names = ["approach", *words, "braking"]
-        return HandsFlight.joined(runs, begins, events, hits, names, [None] * len(runs))
+        flight = HandsFlight.joined(runs, begins, events, hits, names, [None] * len(runs))
+        return with_checks(flight, self.limits)
 
     def _from(self, contact: float, tip: str) -> Motion:
         """Return the motion from a contact on, of the arms with the target in their hands.

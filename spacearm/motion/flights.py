@@ -6,28 +6,69 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from spacearm.arrays import Array, ArrayLike, Parameters, finite, plain, read_only
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics import dynamics
+from spacearm.mechanics.motion_bounds import BodyLoad, OnBoard, Peaks, bounded_peaks, load_bends
 from spacearm.model.arguments import FLOATING, BaseMode
-from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.motion.controllers import Laws
 from spacearm.motion.events import Event, events_table
 from spacearm.motion.motion import Motion, Trajectory
 from spacearm.motion.plant import Integration, Plant, Sampling
 from spacearm.motion.simulation import simulate
-from spacearm.results import Column, Description, Table
+from spacearm.results import Column, Description, Measure, Table, Tone
 from spacearm.signatures import checked
 
 #: Quantities that each phase counts from zero.
 SUMS = ("impulse", "work", "other_work")
+#: Exceeded limits that the verdict of a flight names.
+TOLD_LIMITS = 3
 #: What `Flight.to_dict` gives.
-TOLD = ("names", "phases", "begins", "events", "captures", "ended", "not_checked")
+TOLD = ("names", "phases", "begins", "events", "captures", "ended", "limits", "not_checked")
+
+
+class LimitCheck(NamedTuple):
+    """A limit, and the largest value that a simulated motion takes of it.
+
+    Attributes:
+        limit: What is limited, such as "torque of joint_2".
+        value: Largest value that was simulated; of a clearance the least.
+        allowed: The limit.
+        unit: Unit of both.
+        t: When the value is reached [s].
+        exceeded: When the limit is exceeded first [s]; None if it is kept.
+    """
+
+    limit: str
+    value: float
+    allowed: float
+    unit: str
+    t: float
+    exceeded: float | None
+
+    @property
+    def summary(self) -> str:
+        """The limit, the value and the time in one line."""
+        word = "at least" if self.limit == CLEARANCE else "at most"
+        return (
+            f"{self.limit}: {self.value:.4g} {self.unit} after {self.t:.4g} s, {word} "
+            f"{self.allowed:.4g} {self.unit} allowed"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields."""
+        return self._asdict()
+
+
+#: Name of the limit that is a least value: the distance to the singular set.
+CLEARANCE = "clearance to the singular set"
 
 
 class Flight(Trajectory, kw_only=True):
@@ -35,7 +76,8 @@ class Flight(Trajectory, kw_only=True):
 
     Its configurations are those of the arm with what it holds at the time. Momentum and energy jump
     where a body is grasped. The first row of a phase is left out: its positions are those of the
-    last row of the phase before. `events` have "grasp" and "release" too.
+    last row of the phase before. `events` have "grasp", "release" and
+    "limit exceeded" too.
 
     Attributes:
         phases: The trajectories, each of the arm with what it held then; their times begin at 0.
@@ -43,6 +85,8 @@ class Flight(Trajectory, kw_only=True):
         captures: What each grasp did: impulse, energy lost, momenta.
         names: What each phase is called, its number where it has no name.
         bodies: What the hand holds in each phase.
+        limits: The limits of what is simulated, each with its largest value and whether it is
+            kept; empty where none were given. A catch gives those that it was planned with.
     """
 
     phases: tuple[Trajectory, ...]
@@ -50,6 +94,7 @@ class Flight(Trajectory, kw_only=True):
     captures: tuple[dynamics.Capture, ...]
     names: tuple[str, ...]
     bodies: tuple[Grasp | None, ...]
+    limits: tuple[LimitCheck, ...] = ()
 
     @classmethod
     def joined(
@@ -104,7 +149,8 @@ class Flight(Trajectory, kw_only=True):
     @cached_property
     def tip_wrench(self) -> Array:
         """(m, 6) force [N] and moment [N m] at the tip that move what is held, tip axes."""
-        return read_only(np.concatenate([self._wrenches(i) for i in range(len(self.phases))]))
+        parts = [self.phase_wrenches(i)[min(i, 1) :] for i in range(len(self.phases))]
+        return read_only(np.concatenate(parts))
 
     @property
     def left_over(self) -> Array:
@@ -152,15 +198,24 @@ class Flight(Trajectory, kw_only=True):
         """Return the phases and what happened as plain data."""
         return {name: plain(getattr(self, name)) for name in TOLD}
 
-    def _wrenches(self, i: int) -> Array:
-        """Return what tips give to what is held in a phase, see `tip_wrench`."""
-        return _borne(self.phases[i], i, self.bodies[i])
+    def phase_wrenches(self, i: int) -> Array:
+        """Return the wrenches of `tip_wrench` in phase i, its first row among them.
+
+        Args:
+            i: Number of the phase.
+        """
+        return _borne(self.phases[i], self.bodies[i])
+
+    @property
+    def exceeded(self) -> tuple[LimitCheck, ...]:
+        """The limits that are exceeded."""
+        return tuple(check for check in self.limits if check.exceeded is not None)
 
     def _loads(self) -> list[tuple[float, float, float]]:
         """Return how fast the spacecraft turns at the end of phases, and the most at the tip."""
         found = []
         for i, run in enumerate(self.phases):
-            most = np.linalg.norm(self._wrenches(i).reshape(-1, 2, 3), axis=2).max(axis=0)
+            most = np.linalg.norm(self.phase_wrenches(i).reshape(-1, 2, 3), axis=2).max(axis=0)
             found.append((_turning(run[-1], run.dq[-1], run.mode), *most.tolist()))
         return found
 
@@ -200,14 +255,41 @@ class Flight(Trajectory, kw_only=True):
             Column("peak moment", "N m", ".3g"), Column("energy off by", "", ".1e"),
             *(Column(f"{n} at the end", "m") for n in names),
         ]  # fmt: skip
+        checks, tone = self._limits()
         return Description(
             title=arm.name,
             verdict=f"{len(self.phases)} phase{'s' * (len(self.phases) > 1)}, {end:.6g} s, "
-            f"ended by {self.ended}",
+            f"ended by {self.ended}{checks}",
+            tone=tone,
             notes=self._left(),
-            tables=[Table(columns, rows)],
+            tables=[Table(columns, rows), *self._limit_tables()],
             events=events_table(arm, self.events),
         )
+
+    def _limits(self) -> tuple[str, Tone]:
+        """Say whether the limits are kept, for the verdict."""
+        if not self.limits:
+            return "", ""
+        over = self.exceeded
+        if not over:
+            return f"; all {len(self.limits)} limits kept", "good"
+        told = "; ".join(check.summary for check in over[:TOLD_LIMITS])
+        return f"; {len(over)} of {len(self.limits)} limits EXCEEDED: {told}", "bad"
+
+    def _limit_tables(self) -> list[Table]:
+        """Return the table of the limits, if any were given."""
+        columns = ("limit", "value", "allowed", Column("time", "s", ".4g"), "")
+        rows = [
+            (
+                check.limit,
+                Measure(check.value, check.unit),
+                Measure(check.allowed, check.unit),
+                check.t,
+                "kept" if check.exceeded is None else "exceeded",
+            )
+            for check in self.limits
+        ]
+        return [Table(columns, rows, "Limits")] * bool(rows)
 
 
 def _turning(cfg: Configuration, dq: Array, mode: BaseMode) -> float:
@@ -215,18 +297,18 @@ def _turning(cfg: Configuration, dq: Array, mode: BaseMode) -> float:
     return float(np.linalg.norm(dynamics.spacecraft_twist(cfg, dq, mode)[3:]))
 
 
-def _borne(run: Trajectory, i: int, body: Grasp | None) -> Array:
-    """Return what a body in the hand bears in phase i, see `Flight.tip_wrench`."""
-    first, root = min(i, 1), run.arm.tree.root
-    found = np.zeros((len(run) - first, 6))
+def _borne(run: Trajectory, body: Grasp | None) -> Array:
+    """Return the wrenches (m, 6) at the tip that move a body in the hand, tip axes."""
+    root = run.arm.tree.root
+    found = np.zeros((len(run), 6))
     if body is None:
         return found
-    for row in range(first, len(run)):
+    for row in range(len(run)):
         cfg = run[row]
         pushed = {link: wrench[row] for link, wrench in run.wrenches.items()}
         motors = cfg.with_wheels(run.wheel_torque[row]).stored
         pushed[root] = pushed.get(root, np.zeros(6)) - motors
-        found[row - first] = held_loads(cfg, run.dq[row], run.ddq[row], body, run.mode, pushed)[1]
+        found[row] = held_loads(cfg, run.dq[row], run.ddq[row], body, run.mode, pushed)[1]
     return found
 
 
@@ -333,6 +415,55 @@ def held_loads(
     force = body.mass * (tip.linear + np.cross(tip.angular, com) + np.cross(w, np.cross(w, com)))
     moment = I @ tip.angular + np.cross(w, I @ w) + np.cross(com, force)
     return found.tau, np.concatenate((force, moment))
+
+
+def load_peaks(motion: Motion, body: Grasp | None = None) -> Peaks:
+    """Bound the torques of a motion as `sa.Tracking` flies it, and the load on what it holds.
+
+    The quantities are the torques of the n joints [N m] or [N], the force [N] and the moment [N m]
+    at the tip that move the body; zero without one.
+
+    Args:
+        motion: The motion, of the arm with the body.
+        body: The body in the hand.
+    """
+    arm, start, way, mode = motion.arm, motion[0], motion.spline, motion.mode
+    turning = mode == FLOATING and start.momentum.any() and len(motion) > 1
+    spun = Rotation.from_quat(motion.base[:, 3:])
+    turns = RotationSpline(motion.t, spun) if turning else None
+    steady = start.base.rotation
+
+    def loads(t: float) -> Array:
+        R = steady if turns is None else turns(t).as_matrix()
+        cfg = kinematics(arm, way(t), pin.SE3(R, np.zeros(3)))
+        cfg = cfg.with_momentum(start.momentum) if start.momentum.any() else cfg
+        cfg = cfg.with_wheels(start.wheels) if start.wheels.any() else cfg
+        if body is None:
+            tau = dynamics.inverse_dynamics(cfg, way(t, 1), way(t, 2), mode=mode).tau
+            return np.append(tau, (0.0, 0.0))
+        tau, wrench = held_loads(cfg, way(t, 1), way(t, 2), body, mode)
+        return np.append(tau, np.linalg.norm(wrench.reshape(2, 3), axis=1))
+
+    def values(t: Array) -> Array:
+        return np.array([loads(one) for one in t.tolist()])
+
+    on_board = OnBoard(
+        float(np.linalg.norm(start.momentum[3:])), float(np.linalg.norm(start.stored[3:]))
+    )
+    held = None if body is None else _load_of(arm, body)
+
+    def bends(begin: Array, width: Array) -> Array:
+        return load_bends(arm, mode, way, begin, width, on_board, held)
+
+    return bounded_peaks(values, bends, motion.t)
+
+
+def _load_of(arm: SpaceArm, body: Grasp) -> BodyLoad:
+    """Return a body in the hand as `load_bends` takes it."""
+    tip = arm.model.frames[arm.tip_frame]
+    inertia = 0.0 if body.inertia is None else float(np.linalg.norm(np.asarray(body.inertia), 2))
+    com = float(np.linalg.norm(np.asarray(body.com)))
+    return BodyLoad(tip.parentJoint, body.mass, inertia, tip.placement.translation, com)
 
 
 @checked

@@ -24,11 +24,12 @@ from scipy.spatial.transform import Rotation
 from spacearm.arrays import Array, Booleans, Integers
 from spacearm.collisions.separation import Collisions
 from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.jacobian import turning_axes
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.motion.goal import goal_axes
 from spacearm.planning.account import SearchAccount
-from spacearm.planning.many_curves import Turns, inverse_kinematics, spacecraft_turns, turning_axes
+from spacearm.planning.many_curves import Turns, inverse_kinematics, spacecraft_turns
 from spacearm.planning.optimiser import FAR, CurveFamily, Shape, Sines, Target, sides
 
 #: Number of loops that are tried at once.

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -26,7 +26,7 @@ from spacearm.arrays import Array, Integers
 from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import Reactions, chained, momenta, reactions, turns_of_spacecraft
-from spacearm.mechanics.jacobian import plane_of_motion
+from spacearm.mechanics.jacobian import turning_axes
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.planning.timing import corners, flown_spline, smooth
 
@@ -62,13 +62,6 @@ SLACK = 1e-3
 
 #: Returns the attitudes (r, 3, 3) of the spacecraft at the ends (r, n) of some of the curves.
 Turns: TypeAlias = Callable[[Array, Integers], Array]
-
-
-@lru_cache(maxsize=64)
-def turning_axes(arm: SpaceArm) -> tuple[int, ...]:
-    """Return the axes about which an arm turns its spacecraft: the normal of a plane, or all."""
-    normal = plane_of_motion(arm)
-    return (0, 1, 2) if normal is None else (normal,)
 
 
 def spacecraft_turns(arm: SpaceArm, Q: Array, rates: Array) -> Array:

@@ -16,13 +16,13 @@ from scipy.spatial.transform import Rotation
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.floating import attitudes, placed
-from spacearm.mechanics.jacobian import generalized_jacobian
+from spacearm.mechanics.jacobian import generalized_jacobian, turning_axes
 from spacearm.model.arm import Configuration
 from spacearm.motion.following import check_start, follow, how_it_ended
 from spacearm.motion.goal import Goal, as_goal, goal_axes, goal_rows, miss, steady
 from spacearm.motion.leading import straight_line
 from spacearm.planning.guesses import ACROSS, CLOSE, Guess, GuessFinder
-from spacearm.planning.many_curves import inverse_kinematics, turning_axes
+from spacearm.planning.many_curves import inverse_kinematics
 from spacearm.planning.optimiser import ARRIVED, ITERATIONS, NEWTON_STEPS, CurveOptimiser, Target
 from spacearm.planning.problem import InContactError, Problem, Rows, joints_of, travel
 from spacearm.planning.roadmap import Roadmap

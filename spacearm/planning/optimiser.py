@@ -38,10 +38,10 @@ from spacearm.errors import NoSolutionError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.distance import linearise
 from spacearm.mechanics.floating import Walk, attitudes, chained, placed, turns_and_effects, walk
+from spacearm.mechanics.jacobian import turning_axes
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.motion.goal import goal_axes, goal_rows, twist_between
-from spacearm.planning.many_curves import turning_axes
 
 #: Steps of the integration along a curve: enough for the optimiser, not for the end of a plan.
 INTERVALS = 16

@@ -19,7 +19,7 @@ from spacearm.errors import ImpossibleError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.floating import Walk, attitudes
-from spacearm.mechanics.jacobian import singular_values, task_jacobian
+from spacearm.mechanics.jacobian import singular_values, task_jacobian, turning_axes
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
@@ -28,7 +28,6 @@ from spacearm.motion.following import follow
 from spacearm.motion.goal import as_goal, goal_pose, out_of_reach
 from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.guesses import GuessFinder
-from spacearm.planning.many_curves import turning_axes
 from spacearm.planning.optimiser import ARRIVED, Target
 from spacearm.planning.reactions import largest_turn
 from spacearm.planning.request import Joints, PlanRequest

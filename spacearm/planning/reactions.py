@@ -9,9 +9,7 @@ Wheels take it and its derivative up, each its share. Both are computed at the r
 between. Between two times t apart a quantity differs from the straight line through its values by
 at most t^2 / 8 times the bound on its second derivative.
 
-Such bounds are majorants: a quantity f has b_0, b_1, ... with |d^i f / dt^i| <= b_i, and products
-follow by Leibniz' rule. Rotations have R' = R [u] dq, and all lengths are constant but those of
-sliding joints.
+These bounds are those of `mechanics.motion_bounds`.
 
 A floating spacecraft turns instead. On a segment of joint motion dq, s from 0 to 1, D w_0 = -h. The
 inertia D of the system is at least that of the spacecraft alone, I_0, as a rigid system has no less
@@ -20,10 +18,9 @@ energy than one of its bodies. Hence |w_0| <= |h| / min I_0, and h changes by at
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -33,13 +30,12 @@ from scipy.interpolate import PPoly
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
 from spacearm.mechanics.dynamics import momentum_and_torque
+from spacearm.mechanics.jacobian import turning_axes
+from spacearm.mechanics.motion_bounds import ROOT, joint_bounds, momentum_bounds
 from spacearm.model.arm import AT_REST, Configuration, SpaceArm, kinematics
 from spacearm.model.wheels import axes_of
 from spacearm.motion.plant import WheelHold
-from spacearm.planning.many_curves import turning_axes
 
-#: Of the joint positions that the bounds take.
-DERIVATIVES = 4
 #: Parts of the time between two rows, tried in order.
 DIVIDED = (1, 2, 4, 8, 16)
 #: Share of the largest momentum and torque up to which they may be larger between the times.
@@ -96,78 +92,8 @@ def _divided(arm: SpaceArm, way: PPoly, t: Array, parts: int) -> tuple[Array, Ar
     width = np.diff(t) / parts
     begin = (t[:-1, None] + np.arange(parts) * width[:, None]).ravel()
     h = np.repeat(width, parts)
-    derivatives = [np.abs(way(begin, order)) for order in range(6)]
-    joints = [
-        sum(derivatives[k + i] * h[:, None] ** i / math.factorial(i) for i in range(6 - k))
-        for k in range(DERIVATIVES + 1)
-    ]
-    bounds = momentum_bounds(arm, np.swapaxes(np.array(joints), 1, 2))
+    bounds = momentum_bounds(arm, joint_bounds(way, begin, h))
     return np.append(begin, t[-1]), (h**2 / 8.0 * bounds[2:]).max(axis=1)
-
-
-#: Index of the spacecraft's joint in the model.
-ROOT = 1
-
-
-def momentum_bounds(arm: SpaceArm, joints: Array) -> Array:
-    """Return bounds (d, p) on h and its first d - 1 derivatives, one for each of p intervals.
-
-    Args:
-        arm: The arm.
-        joints: (d + 1, n, p) bounds on the joint positions and their first d derivatives.
-    """
-    model, C = arm.model, np.eye(arm.n) if arm.coupling is None else np.abs(arm.coupling)
-    moved = np.einsum("jn,dnp->jdp", C, joints)
-    moved[:, 0] += np.abs(arm.offsets)[:, None]
-    still: Array = np.zeros(joints[:, 0].shape)
-    unit = still.copy()
-    unit[0] = 1.0
-    rotation, place, spin = {ROOT: unit}, {ROOT: still}, {ROOT: still[1:]}
-    base = model.inertias[ROOT].lever
-    h, carried = still[1:].copy(), still.copy()
-    for joint in range(ROOT + 1, model.njoints):
-        parent, x = model.parents[joint], moved[joint - ROOT - 1]
-        offset = model.jointPlacements[joint].translation - (base if parent == ROOT else 0.0)
-        R, p, w = rotation[parent], place[parent], spin[parent]
-        p = p + np.linalg.norm(offset) * R
-        if arm.tree.joints[model.names[joint]].kind == "prismatic":
-            p = p + product(R, x)
-        else:
-            w = w + product(R[:-1], x[1:])
-            R = product(R, turned(x))
-        rotation[joint], place[joint], spin[joint] = R, p, w
-        body: pin.Inertia = model.inertias[joint]
-        r = p + np.linalg.norm(body.lever) * R
-        carried += body.mass * r
-        h += body.mass * product(r[:-1], r[1:])
-        largest = float(np.linalg.norm(body.inertia, 2))
-        h += largest * product(product(R[:-1], R[:-1]), w)
-    return h + product(carried[:-1], carried[1:]) / arm.mass
-
-
-def product(a: Array, b: Array) -> Array:
-    """Return bounds (d, p) of a product, by Leibniz' rule, from those of its factors."""
-    d = min(len(a), len(b))
-    pairs = (a[:d, None] * b[None, :d]).reshape(d * d, -1)
-    return np.asarray(_leibniz(d) @ pairs)
-
-
-@cache
-def _leibniz(d: int) -> Array:
-    """Return the factors (d, d^2) of pairs of derivatives in the derivatives of a product."""
-    counts = np.zeros((d, d, d))
-    for k in range(d):
-        for i in range(k + 1):
-            counts[k, i, k - i] = math.comb(k, i)
-    return counts.reshape(d, d * d)
-
-
-def turned(angle: Array) -> Array:
-    """Return bounds (d, p) of the rotation by an angle about a fixed axis, from its bounds."""
-    rows = [np.ones_like(angle[0])]
-    for k in range(1, len(angle)):
-        rows.append(sum(math.comb(k - 1, i) * rows[i] * angle[k - i] for i in range(k)))
-    return np.array(rows)
 
 
 def largest_turn(rows: Sequence[Configuration]) -> float:

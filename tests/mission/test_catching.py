@@ -52,6 +52,43 @@ def test_at_contact_the_tip_has_pose_and_twist_of_the_frame(caught):
     assert np.abs(caught.twist_error).max() < 2e-6
 
 
+def torques_between(motion, parts: int) -> np.ndarray:
+    """Largest joint torques of a motion as flown, at so many instants of each interval.
+
+    From Pinocchio's mass matrix and bias forces alone, with the spacecraft's twist and acceleration
+    from the conservation of momentum.
+    """
+    arm, way = motion.arm, motion.spline
+    model, data = arm.model, arm.model.createData()
+    momentum, full, found = motion.momentum[0, 3:], pin.neutral(arm.model), np.zeros(arm.n)
+    for a, b in pairwise(motion.t):
+        for t in a + (b - a) * np.arange(parts + 1) / parts:
+            q, dq, ddq = way(t), way(t, 1), way(t, 2)
+            full[7:] = q
+            M = np.array(pin.crba(model, data, full))
+            M = np.triu(M) + np.triu(M, 1).T
+            h = np.append(np.zeros(3), motion.at(t).base.rotation.T @ momentum)
+            twist = np.linalg.solve(M[:6, :6], h - M[:6, 6:] @ dq)
+            v = np.append(twist, dq)
+            c = pin.rnea(model, data, full, v, np.zeros_like(v))
+            turned = np.linalg.solve(M[:6, :6], -c[:6] - M[:6, 6:] @ ddq)
+            tau = M[6:, :6] @ turned + M[6:, 6:] @ ddq + c[6:]
+            found = np.maximum(found, np.abs(tau))
+    return found
+
+
+def test_torques_between_the_samples_are_within_what_is_claimed(caught):
+    """Of the last part of the way to contact, where they are largest, and of the braking."""
+    last = caught.chase
+    part = sa.Motion(last.arm, last.t[-9:], last.q[-9:], last.base[-9:])
+    object.__setattr__(part, "momentum", np.zeros((9, 6)))
+    part.__dict__["spline"] = last.spline
+    largest = np.maximum(torques_between(part, 3), torques_between(caught.brake, 2))
+    assert (largest <= caught.torque * (1.0 + 1e-9)).all()
+    ends = caught.brake.largest_torques
+    np.testing.assert_allclose(torques_between(caught.brake, 2), ends, rtol=0.02, atol=0)
+
+
 @pytest.mark.parametrize(
     ("account", "left"),
     [
@@ -410,6 +447,10 @@ def test_random_targets_before_the_hand_are_caught(seed):
     catch = sa.catch(start, target, window=(9, 40), wanted=1, search=search)
     assert catch.place_error < 1e-6
     assert np.abs(catch.twist_error).max() < 1e-5
+    parts = [torques_between(motion, 20) for motion in (catch.chase, catch.brake)]
+    largest = np.max(parts, axis=0)
+    assert (largest <= catch.torque * (1.0 + 1e-5)).all()
+    assert (catch.torque <= 1.02 * largest).all()
 
 
 @pytest.mark.slow

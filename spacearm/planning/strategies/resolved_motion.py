@@ -18,10 +18,9 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import move, placed
-from spacearm.mechanics.jacobian import base_response, generalized_jacobian
+from spacearm.mechanics.jacobian import base_response, generalized_jacobian, turning_axes
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_rows, twist_between
-from spacearm.planning.many_curves import turning_axes
 from spacearm.planning.problem import Problem, Rows
 
 #: Residual of a row [m], [rad].
