@@ -6,13 +6,16 @@ import base64
 import html
 import io
 import json
+import os
 import re
 import secrets
 import shutil
+import signal
 import subprocess
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+import time
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from threading import Timer
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -38,6 +41,8 @@ HEADLESS = (
 )  # fmt: skip
 #: Longest time that a picture may take, and each further one of a motion [s].
 RENDERING, EACH = 120.0, 5.0
+#: Time that killed processes may take to end [s].
+DYING = 10.0
 #: How names of videos end, and how each is encoded: soon, as a minute is to take half a minute.
 VIDEOS = {
     ".gif": (),
@@ -62,24 +67,27 @@ def render(page: str, size: tuple[int, int], scale: int) -> bytes:
     Raises:
         SpaceArmError: No browser is found, or it draws nothing in `RENDERING`.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        picture = Path(folder, "scene.png")
+    with _temporary_folder() as folder:
+        picture = folder / "scene.png"
         options = (f"--screenshot={picture}", f"--force-device-scale-factor={scale}")
-        command = _command(page, "picture", size, options, Path(folder))
-        try:
-            run = subprocess.run(command, capture_output=True, timeout=RENDERING, check=False)
-        except subprocess.TimeoutExpired:
-            raise SpaceArmError(
-                f"{command[0]} has not drawn the picture after {RENDERING:g} s; use .save(path) "
-                "and open the page"
-            ) from None
+        command = _command(page, "picture", size, options, folder)
+        with _running(command, folder) as browser:
+            try:
+                _, messages = browser.communicate(timeout=RENDERING)
+            except subprocess.TimeoutExpired:
+                raise SpaceArmError(
+                    f"{command[0]} has not drawn the picture after {RENDERING:g} s; use "
+                    ".save(path) and open the page"
+                ) from None
         if not picture.is_file():
-            raise SpaceArmError(f"the browser drew nothing: {run.stderr.decode()[-300:]}")
+            raise SpaceArmError(f"the browser drew nothing: {messages.decode()[-300:]}")
         return picture.read_bytes()
 
 
-def render_frames(page: str, size: tuple[int, int], times: Sequence[float]) -> Iterator[bytes]:
+def render_frames(page: str, size: tuple[int, int], times: Sequence[float]) -> Generator[bytes]:
     """Render the motion of a saved page to PNG pictures, by `BROWSERS_AT_ONCE` browsers in turn.
+
+    Close the generator: it ends the browsers.
 
     Args:
         page: The page.
@@ -105,17 +113,55 @@ def _drawing(page: str, size: tuple[int, int], times: Sequence[float]) -> Iterat
     """Have one browser draw the motion at some times [s], as long as it is waited for."""
     wanted = f"frames={size[0]},{size[1]},{','.join(map(repr, times))}"
     options = ("--dump-dom", "--enable-logging=stderr")
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        command = _command(page, wanted, size, options, Path(folder))
-        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as run:
-            assert run.stderr is not None
-            watch = Timer(RENDERING + EACH * len(times), run.kill)
+    with _temporary_folder() as folder:
+        command = _command(page, wanted, size, options, folder)
+        with _running(command, folder) as browser:
+            assert browser.stderr is not None
+            watch = Timer(RENDERING + EACH * len(times), _kill, (browser,))
             watch.start()
             try:
-                yield _joined(run.stderr)
+                yield _joined(browser.stderr)
             finally:
                 watch.cancel()
-                run.kill()
+
+
+@contextmanager
+def _running(command: list[str], folder: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a browser; afterwards none of its processes is left.
+
+    Its own temporary files lie in the folder: a browser that is killed does not remove them. The
+    name of that folder is "." for it, since the path of a socket has at most some 100 characters.
+    """
+    with subprocess.Popen(
+        command,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        cwd=folder,
+        env={**os.environ, "TMPDIR": "."},
+        start_new_session=True,  # its processes are one group
+    ) as browser:
+        try:
+            yield browser
+        finally:
+            _kill(browser)
+
+
+def _kill(browser: subprocess.Popen[bytes]) -> None:
+    """Kill a browser with the processes that it has started."""
+    with suppress(ProcessLookupError, PermissionError):  # all have ended
+        os.killpg(browser.pid, signal.SIGKILL)
+
+
+@contextmanager
+def _temporary_folder() -> Iterator[Path]:
+    """Make a folder, and remove it when the processes that write to it have been killed."""
+    folder = Path(tempfile.mkdtemp())
+    try:
+        yield folder
+    finally:
+        end = time.monotonic() + DYING
+        while folder.exists() and time.monotonic() < end:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _joined(lines: Iterable[bytes]) -> Iterator[bytes]:
@@ -197,7 +243,8 @@ def _command(
     file = folder / "scene.html"
     file.write_text(page, encoding="utf-8")
     window = (f"--user-data-dir={folder}/profile", f"--window-size={size[0]},{size[1]}")
-    return [browser, *HEADLESS, *window, *options, f"{file.as_uri()}#{fragment}"]
+    address = f"{file.as_uri()}#{fragment}"
+    return [str(Path(browser).absolute()), *HEADLESS, *window, *options, address]
 
 
 def embedded(scene: str, picture: bytes, name: str, invitation: str | None) -> str:

@@ -8,7 +8,8 @@ import tempfile
 import threading
 import webbrowser
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -292,8 +293,11 @@ class Viewer:
         name = name_part(self.session.arm.name)
 
         def fill(file: BinaryIO) -> None:
-            with zipfile.ZipFile(file, "w") as archive:  # PNG is compressed already
-                for i, picture in enumerate(self._pictures(size, times, progress), 1):
+            with (
+                closing(self._pictures(size, times, progress)) as pictures,
+                zipfile.ZipFile(file, "w") as archive,  # PNG is compressed already
+            ):
+                for i, picture in enumerate(pictures, 1):
                     archive.writestr(f"{name}_{i:04}.png", picture)
 
         return write_by(Path(path), fill)
@@ -342,7 +346,8 @@ class Viewer:
         times = self._times(rate)
 
         def fill(file: BinaryIO) -> None:
-            write_video(file, kind, self._pictures(size, times, progress), rate)
+            with closing(self._pictures(size, times, progress)) as pictures:
+                write_video(file, kind, pictures, rate)
 
         return write_by(Path(path), fill)
 
@@ -369,12 +374,16 @@ class Viewer:
         size: tuple[int, int],
         times: Sequence[float],
         progress: Callable[[int, int], object] | None,
-    ) -> Iterator[bytes]:
-        """Render PNG pictures of the motion at some times [s], and tell how many there are."""
-        for i, picture in enumerate(render_frames(self._page(), size, times), 1):
-            yield picture
-            if progress:
-                progress(i, len(times))
+    ) -> Generator[bytes]:
+        """Render PNG pictures of the motion at some times [s]; report how many there are.
+
+        Close the generator: it ends the browsers.
+        """
+        with closing(render_frames(self._page(), size, times)) as pictures:
+            for i, picture in enumerate(pictures, 1):
+                yield picture
+                if progress:
+                    progress(i, len(times))
 
     def _repr_html_(self) -> str:
         """Stand in a notebook: live while it is served, and a scene of its own once it is not."""
