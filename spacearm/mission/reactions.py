@@ -1,8 +1,8 @@
-"""What the motions of an arm do to its spacecraft: turns if it floats, wheels or thrusters if not.
+"""What the motions of an arm do to its spacecraft, free-floating and attitude-controlled.
 
-With the attitude held, the arm has the angular momentum D_q dq about the system CM, and wheels must
-take up the opposite; the torque they give is its derivative. Wheels are sized for motions, or for a
-speed of the tip in the worst direction.
+With an ideally controlled attitude the arm has the angular momentum D_q dq about the system CM, and
+wheels must absorb the opposite; their torque is its derivative. Wheels are sized for motions, or
+for a speed of the tip in the worst direction.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ from spacearm.arrays import (
     whole,
     within,
 )
-from spacearm.errors import ConfigurationError, NoSolutionError
+from spacearm.errors import ConfigurationError, NoSolutionError, listed
 from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.dynamics import inverse_dynamics
-from spacearm.mechanics.floating import walk
+from spacearm.mechanics.floating import attitudes_over_time, placed
 from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, task_jacobian
-from spacearm.model.arguments import HELD
+from spacearm.model.arguments import FLOATING, HELD
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.wheels import WheelLoad, carried, held_about_any_axis
 from spacearm.motion.motion import UNBOUNDED, Motion, Playable, Trajectory, jump_notes
+from spacearm.motion.plant import MotorLoad, motor_notes
 from spacearm.planning.result import Plan
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
@@ -45,25 +46,37 @@ PERCENTILES = (50.0, 90.0, 95.0, 99.0, 100.0)
 
 
 class Reaction(Result):
-    """What a motion of the arm does to its spacecraft, and what holding the attitude takes.
+    """What a motion of the arm does to its spacecraft, in up to three cases.
+
+    *Free-floating*: the same joint motion while nothing controls the attitude and the wheels keep
+    the momentum that they hold at the start (`excursion`, `rate`). *Attitude-controlled*: the same
+    joint motion with an ideal control of the attitude (`momentum`, `torque`, `wheels`, `load`). *As
+    simulated*: what the motion itself did, if that is neither (`simulated`, `wheel_momentum`,
+    `wheel_torque`, `motors`). The first two depend on the joint motion, and on momentum and wheels
+    at its start, only.
 
     All vectors are in spacecraft axes, momenta about the system CM.
 
     Attributes:
         arm: The arm.
         t: (m,) times [s].
-        excursion: (m, 3) rotation vector of the floating spacecraft from its attitude at the start
+        excursion: (m, 3) rotation vector of the free-floating base from its attitude at the start
             [rad].
-        rate: (m, 3) angular velocity of the floating spacecraft [rad/s].
-        momentum: (m, 3) angular momentum D_q dq of the joint motion while the attitude is held
-            [N m s].
+        rate: (m, 3) angular velocity of the free-floating base [rad/s].
+        momentum: (m, 3) angular momentum D_q dq of the joint motion, attitude-controlled [N m s].
         on_board: (m, 3) angular momentum of the whole system [N m s], in the spacecraft axes of the
             start, with what wrenches add.
-        torque: (m, 3) torque on the spacecraft that holds its attitude, the derivative of
-            `momentum` [N m].
+        torque: (m, 3) torque on the base, attitude-controlled: the derivative of `momentum` [N m].
+        simulated: (m, 3) rotation vector of the base in the motion itself, from its attitude at the
+            start [rad].
+        wheel_momentum: (m, w) momentum of each wheel in the motion itself [N m s]; w = 0 if the
+            wheels did not act.
+        wheel_torque: (m, w) torque of each wheel's motor in the motion itself [N m].
+        motors: The motors of the wheels that have a torque limit, in the motion itself.
+        full: Names of the wheels that reached their capacity in the motion itself.
         camera: (3,) unit vector of a camera's line of sight; None for the worst one.
         unbounded: Whether the motion ends at a singularity that the tip is led into at a constant
-            speed. Rates, momentum and torque have no bound there, so the last rows mean little.
+            speed. Rates, momentum and torque have no bound there, so the last samples mean little.
         jump: Largest jump of `momentum` where the rates of the joints jump [N m s].
     """
 
@@ -74,6 +87,11 @@ class Reaction(Result):
     momentum: Array
     on_board: Array
     torque: Array
+    simulated: Array
+    wheel_momentum: Array
+    wheel_torque: Array
+    motors: tuple[MotorLoad, ...] = ()
+    full: tuple[str, ...] = ()
     camera: Array | None = field(default=None)
     unbounded: bool = field(default=False)
     jump: float = field(default=0.0)
@@ -82,12 +100,17 @@ class Reaction(Result):
 
     @cached_property
     def angle(self) -> Array:
-        """(m,) turn of the floating spacecraft from its attitude at the start [rad]."""
+        """(m,) rotation of the free-floating base from its attitude at the start [rad]."""
         return np.linalg.norm(self.excursion, axis=1)
 
     @cached_property
+    def simulated_angle(self) -> Array:
+        """(m,) rotation of the base in the motion itself, from its attitude at the start [rad]."""
+        return np.linalg.norm(self.simulated, axis=1)
+
+    @cached_property
     def wheels(self) -> Array:
-        """(m, 3) momentum that wheels hold while they hold the attitude [N m s]."""
+        """(m, 3) momentum that wheels hold, attitude-controlled [N m s]."""
         return np.asarray(self.on_board - self.momentum)
 
     @cached_property
@@ -146,44 +169,79 @@ class Reaction(Result):
         }
 
     def describe(self) -> Description:
-        """Describe the turn of the floating spacecraft, and what holding its attitude takes."""
-        wheels, torque = (np.linalg.norm(x, axis=1).max() for x in (self.wheels, self.torque))
+        """Describe what was simulated, and the free-floating and attitude-controlled cases."""
+        floating, controlled = "free-floating", "attitude-controlled"
         largest = (
-            ("turn, floating", np.abs(self.excursion).max(axis=0), "rad"),
-            ("wheels, held", np.abs(self.wheels).max(axis=0), "N m s"),
-            ("torque, held", np.abs(self.torque).max(axis=0), "N m"),
-            ("thrusters, held, in all", self.impulse, "N m s"),
+            (f"rotation, {floating}", np.abs(self.excursion).max(axis=0), "rad"),
+            (f"wheel momentum, {controlled}", np.abs(self.wheels).max(axis=0), "N m s"),
+            (f"torque, {controlled}", np.abs(self.torque).max(axis=0), "N m"),
+            (f"thruster impulse, {controlled}", self.impulse, "N m s"),
         )
         rows: list[Sequence[Cell]] = [
             (name, *(Measure(x, unit) for x in values)) for name, values, unit in largest
         ]
+        if self.unbounded:
+            rows[1:] = [(row[0], *3 * ("no bound",)) for row in rows[1:]]
         sight = {
-            "turn of the line of sight": Measure(float(self.pointing.max()), "rad"),
+            "rotation of the line of sight": Measure(float(self.pointing.max()), "rad"),
             "at up to": Measure(float(self.smear.max()), "rad/s"),
         }
         load = self.load
-        exceeded = [] if load is None else load.exceeded
+        exceeded = [] if load is None else [f"{controlled}: {each}" for each in load.exceeded]
         if load is not None and exceeded and (slower := load.in_time(self.t[-1] - self.t[0])):
             exceeded.append(slower)
-        held = f"held, wheels take {wheels:.4g} N m s and {torque:.4g} N m"
-        if self.unbounded:
-            held = "held, " + UNBOUNDED
-            rows = [
-                row if "held" not in str(row[0]) else (row[0], *3 * ("no bound",)) for row in rows
-            ]
         which = "worst line of sight" if self.camera is None else "line of sight of the camera"
         jumps = [] if self.unbounded else jump_notes(self.jump)
+        cases = [*self._as_simulated(), self._free_floating(), self._attitude_controlled()]
         return Description(
             title=f"{self.arm.name}, {self.t[-1] - self.t[0]:.4g} s",
-            verdict=f"floating it turns by up to {np.degrees(self.angle.max()):.4g}°; {held}",
+            verdict=" ".join(cases),
             tone="bad" if exceeded or self.unbounded else "",
-            notes=[*exceeded, *jumps],
+            notes=[*self._saturation(), *exceeded, *jumps],
             tables=[
-                *([] if load is None else [load.table()]),
+                *self._wheels_as_simulated(),
+                *([] if load is None else [load.table(controlled)]),
                 Table(("largest", "about x", "about y", "about z"), rows),
-                Table.facts(sight, f"Floating, {which}"),
+                Table.facts(sight, f"Free-floating, {which}"),
             ],
         )
+
+    def _as_simulated(self) -> list[str]:
+        """Say what the motion itself did, where it is neither of the other cases."""
+        if not self.wheel_torque.size:
+            return []
+        rotated = np.degrees(self.simulated_angle.max())
+        h, tau = (np.abs(x).max() for x in (self.wheel_momentum, self.wheel_torque))
+        return [
+            f"As simulated, wheels on: the base rotates by up to {rotated:.4g}°, and a wheel holds "
+            f"up to {h:.4g} N m s and applies up to {tau:.4g} N m."
+        ]
+
+    def _free_floating(self) -> str:
+        """Say what the joint motion does to a free-floating base."""
+        rotated = np.degrees(self.angle.max())
+        return f"Free-floating: the base rotates by up to {rotated:.4g}°."
+
+    def _attitude_controlled(self) -> str:
+        """Say what an ideal control of the attitude takes."""
+        if self.unbounded:
+            return f"Attitude-controlled: {UNBOUNDED}."
+        h, tau = (np.linalg.norm(x, axis=1).max() for x in (self.wheels, self.torque))
+        return f"Attitude-controlled: the wheels need {h:.4g} N m s and {tau:.4g} N m."
+
+    def _saturation(self) -> list[str]:
+        """Say which wheels saturated in the motion itself."""
+        notes = [f"as simulated, {note}" for note in motor_notes(self.motors)]
+        if self.full:
+            notes.append(f"as simulated, wheels that reached their capacity: {listed(self.full)}")
+        return notes
+
+    def _wheels_as_simulated(self) -> list[Table]:
+        """Return the table of what the wheels did in the motion itself."""
+        if not self.wheel_torque.size:
+            return []
+        largest = (np.abs(x).max(axis=0) for x in (self.wheel_momentum, self.wheel_torque))
+        return [WheelLoad(self.arm.wheels, *largest).table("as simulated")]
 
 
 @checked
@@ -193,13 +251,14 @@ def reaction(
     camera: ArrayLike | None = None,
     progress: Progress | None = None,
 ) -> Reaction:
-    """Compute what a motion does to the spacecraft, and what holding the attitude takes.
+    """Compute what a joint motion does to the spacecraft, free-floating and attitude-controlled.
 
-    The joints move as they do in the motion. Floating, the spacecraft turns as in the motion if it
-    floats there (with wheels and momentum as they were), else with w_0 = -D^-1 D_q dq, equation
-    (33c). If it is held at its initial attitude, wheels must take the momentum -D_q dq, besides
-    what is on board. Their torque is the derivative of D_q dq, which `inverse_dynamics` reports as
-    the reaction.
+    Free-floating, the base rotates with w_0 = D^-1 (h - h_w - D_q dq), equation (33c) with the
+    momentum h and the wheels' momentum h_w of the start; external wrenches act only where the
+    motion itself is free-floating and was simulated with them. Attitude-controlled, the wheels
+    absorb the momentum -D_q dq, besides what is on board; their torque is the derivative of D_q dq,
+    which `inverse_dynamics` reports as the reaction. A simulation in which wheels acted is reported
+    beside these two, with the loads that were recorded.
 
     The motions that `sa.plan`, `sa.simulate` and `sa.follow` return have their own rates and
     accelerations. For other motions they are differences between samples: sample finely. Wheels of
@@ -212,8 +271,8 @@ def reaction(
         progress: Called now and then as progress(done, samples).
 
     Returns:
-        Over time, turns and rates if the spacecraft floats, and momentum, torque and impulse if it
-        is held.
+        Over time, rotation and rate of the free-floating base; momentum, torque and impulse of an
+        attitude-controlled one; and what was simulated.
 
     Raises:
         ConfigurationError: The motion has fewer than two samples, or `camera` is not a direction.
@@ -234,12 +293,10 @@ def reaction(
         if not line.any():
             raise ConfigurationError("camera is zero; give the direction of its line of sight")
         sight = line / np.linalg.norm(line)
-    floating: Sequence[Configuration] = list(run)
-    if run.mode != "free-floating":
-        floating = walk(run.arm.at(run.q[0], base=run[0].base), run.q)
-    start = floating[0].base.rotation
+    floating = _free_floating(run)
+    start = run[0].base.rotation
     on_board: Array = np.zeros((len(run), 6))
-    if isinstance(run, Plan) or (isinstance(run, Trajectory) and run.mode == "free-floating"):
+    if isinstance(run, Plan) or (isinstance(run, Trajectory) and run.mode == FLOATING):
         on_board = run.momentum
     excursion = np.array([pin.log3(start.T @ cfg.base.rotation) for cfg in floating])
     momentum, rate, torque = np.zeros((3, len(run), 3))
@@ -247,12 +304,53 @@ def reaction(
         cfg, afloat = run[i], floating[i]
         momentum[i] = _held_momentum(cfg) @ run.dq[i]
         rate[i] = afloat.base.rotation.T @ base_velocity(afloat, run.dq[i])[3:]
-        taken = inverse_dynamics(cfg, run.dq[i], run.ddq[i], mode="attitude-controlled")
+        taken = inverse_dynamics(cfg, run.dq[i], run.ddq[i], mode=HELD)
         torque[i] = cfg.base.rotation.T @ taken.reaction[3:]
     return Reaction(
-        run.arm, run.t, excursion, rate, momentum, on_board[:, 3:] @ start, torque, sight,
-        run.ended_singular, run.momentum_jump,
-    )  # fmt: skip
+        arm=run.arm,
+        t=run.t,
+        excursion=excursion,
+        rate=rate,
+        momentum=momentum,
+        on_board=on_board[:, 3:] @ start,
+        torque=torque,
+        simulated=np.array([pin.log3(start.T @ cfg.base.rotation) for cfg in run]),
+        **_recorded(run),
+        camera=sight,
+        unbounded=run.ended_singular,
+        jump=run.momentum_jump,
+    )
+
+
+def _free_floating(run: Motion) -> Sequence[Configuration]:
+    """Return the configurations of the joint motion while nothing controls the attitude.
+
+    They are those of the motion itself where it is free-floating and its wheels do not act.
+    """
+    first = run[0]
+    if run.mode != FLOATING:  # whoever controls the attitude absorbs the momentum on board
+        first = run.arm.at(run.q[0], base=first.base)
+    elif not run.wheels_act:
+        return list(run)
+    attitudes = attitudes_over_time(first, run.curve, run.t)
+    rows = zip(run.q, attitudes, strict=True)
+    return [placed(first, q, T).with_momentum(first.momentum).with_wheels(first.wheels)
+            for q, T in rows]  # fmt: skip
+
+
+def _recorded(run: Motion) -> dict[str, Any]:
+    """Return what the wheels did in the motion itself, as fields of `Reaction`."""
+    if not isinstance(run, Trajectory) or not run.wheels_act:
+        none = np.zeros((len(run), 0))
+        return {"wheel_momentum": none, "wheel_torque": none}
+    names = [wheel.name for wheel in run.arm.wheels]
+    full = {event.detail for event in run.events if event.kind == "wheel full"}
+    return {
+        "wheel_momentum": run.wheels,
+        "wheel_torque": run.wheel_torque,
+        "motors": tuple(load for load in run.motors if load.motor in names),
+        "full": tuple(name for name in names if name in full),
+    }
 
 
 def _held_momentum(cfg: Configuration) -> Array:

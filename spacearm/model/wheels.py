@@ -182,7 +182,7 @@ class WheelLoad(NamedTuple):
         return float(max(momentum.max(), np.sqrt(torque.max())))
 
     def in_time(self, duration: float) -> str:
-        """Say in what time the wheels can hold the attitude, where a motion takes too much of them.
+        """Say how long a motion beyond the limits of the wheels lasts within them.
 
         Args:
             duration: How long the motion takes [s].
@@ -190,17 +190,21 @@ class WheelLoad(NamedTuple):
         if not 1.0 < self.slower < np.inf:
             return ""
         took = np.ceil(duration * self.slower)
-        return f"in {took:.0f} s, at rates lower in proportion, the wheels can hold it"
+        return f"within these limits the same motion takes at least {took:.0f} s"
 
-    def table(self) -> Table:
-        """Return the load of each wheel beside what it can."""
+    def table(self, case: str = "") -> Table:
+        """Return the load of each wheel beside its limits.
+
+        Args:
+            case: What was done to the wheels, for the title.
+        """
         columns = ("wheel", Column("momentum", "N m s"), Column("of at most", "N m s"),
                    Column("torque", "N m"), Column("of at most", "N m"))  # fmt: skip
         rows = [
             (w.name, h, _limit(w.capacity), tau, _limit(w.torque))
             for w, h, tau in zip(self.wheels, self.momentum, self.torque, strict=True)
         ]
-        return Table(columns, rows, "Wheels, largest load")
+        return Table(columns, rows, "Wheels, largest load" + f", {case}" * bool(case))
 
 
 def _limit(value: float) -> Cell:

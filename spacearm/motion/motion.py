@@ -432,19 +432,19 @@ class Motion(Result):
         )
 
     def _held(self) -> tuple[list[str], list[Table]]:
-        """Say what holding the attitude takes, and compare with the wheels that there are.
+        """Say what controlling the attitude needs, and compare with the limits of the wheels.
 
-        Where the spacecraft floats, in one sentence what that would take of wheels that do nothing.
+        Free-floating, with wheels that do not act, it is one sentence.
         """
         floats = self.mode == FLOATING and bool(self.arm.wheels) and not self.wheels_act
         if not (floats or self.mode == "attitude-controlled") or len(self) < 2:
             return [], []
         if self.ended_singular:
-            return [f"holding the attitude: {UNBOUNDED}"] * (not floats), []
+            return [f"attitude control: {UNBOUNDED}"] * (not floats), []
         moved, torque = momentum_and_torque(self.arm, self.q, self.dq, self.ddq)
         rates = [np.linalg.norm(x, axis=1).max() for x in (moved, torque)]
-        takes = "would take" if floats else "takes"
-        notes = [f"holding the attitude {takes} up to {rates[0]:.4g} N m s and {rates[1]:.4g} N m"]
+        needs = "would need" if floats else "needs"
+        notes = [f"attitude control {needs} up to {rates[0]:.4g} N m s and {rates[1]:.4g} N m"]
         notes += [] if floats else jump_notes(self.momentum_jump)
         if not self.arm.wheels or carried(self.arm.model, self.arm.wheels):
             return notes, []

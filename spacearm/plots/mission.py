@@ -103,7 +103,7 @@ def draw_catch_runs(result: CatchRuns, axes: Any) -> None:
 
 @style.draws(size=(8.0, 8.4), panels=lambda whole: whole.subplots(4, 1, sharex=True))
 def draw_reaction(result: Reaction, panels: Any) -> None:
-    """Draw over time what the spacecraft does, and what holding it takes.
+    """Draw over time the rotation of a free-floating base, and the loads of attitude control.
 
     Args:
         result: The reaction.
@@ -114,17 +114,20 @@ def draw_reaction(result: Reaction, panels: Any) -> None:
     for axes, along in ((turns, turned), (wheels, result.wheels), (torque, result.torque)):
         style.draw_curves(axes, result.t, along, "xyz")
     turns.plot(result.t, np.degrees(result.angle), color=style.GREY, ls="--", label="angle")
+    if result.wheel_torque.size:
+        simulated = np.degrees(result.simulated_angle)
+        turns.plot(result.t, simulated, color=style.RED, label="angle as simulated")
     style.legend_beside(turns)
     camera.plot(result.t, np.degrees(result.smear), color=style.RED)
-    turns.set_ylabel("turn, floating [°]")
-    wheels.set_ylabel("wheels, held [N m s]")
-    torque.set_ylabel("torque, held [N m]")
-    camera.set(xlabel="time [s]", ylabel="smear, floating [°/s]")
+    turns.set_ylabel("rotation,\nfree-floating [°]")
+    wheels.set_ylabel("wheel momentum,\ncontrolled [N m s]")
+    torque.set_ylabel("torque,\ncontrolled [N m]")
+    camera.set(xlabel="time [s]", ylabel="line of sight,\nfree-floating [°/s]")
     what = "any line of sight" if result.camera is None else "the line of sight"
+    rotated, pointed = (np.degrees(x.max()) for x in (result.angle, result.pointing))
     style.entitle(
         turns,
-        f"{result.arm.name}: turns by up to {np.degrees(result.angle.max()):.3g}°, {what} by "
-        f"{np.degrees(result.pointing.max()):.3g}°",
+        f"{result.arm.name}, free-floating: base by up to {rotated:.3g}°, {what} by {pointed:.3g}°",
     )
 
 
