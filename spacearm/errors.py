@@ -19,10 +19,11 @@ from typing import Any
 MOST_NAMES = 10
 #: Characters of a name in a list, and of a message.
 LONGEST_NAME, LONGEST = 60, 4000
-#: Characters that move a terminal's cursor, turn its text round or cannot be written; tabs and
-#: line ends may be.
+#: Characters that move a terminal's cursor, change the direction of text, are not seen or cannot be
+#: written; tabs and line ends may be.
 UNPRINTABLE = re.compile(
-    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f"
+    r"\ud800-\udfff\ufeff\ufff9-\ufffb\U000e0000-\U000e007f]"
 )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
 import fcntl
 import os
@@ -125,6 +126,30 @@ def lies_in(path: Path, folders: Iterable[Path]) -> bool:
     """Tell whether a path lies in one of the folders, once all links are followed."""
     target = Path(os.path.realpath(path))
     return any(target.is_relative_to(os.path.realpath(folder)) for folder in folders)
+
+
+#: Byte-order marks and the encodings that they state; the longest marks come first.
+MARKS = (
+    (codecs.BOM_UTF32_LE, "utf-32"),
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+
+
+def marked_encoding(content: bytes) -> str | None:
+    """Return the encoding that the byte-order mark of a text states; None if there is no mark."""
+    return next((encoding for mark, encoding in MARKS if content.startswith(mark)), None)
+
+
+def decoded(content: bytes) -> str:
+    """Decode a text: as its byte-order mark states, else as UTF-8.
+
+    Raises:
+        ValueError: It is encoded otherwise.
+    """
+    return content.decode(marked_encoding(content) or "utf-8")
 
 
 def arrays_in(path: Path, most: int | None = None) -> dict[str, npt.NDArray[Any]]:

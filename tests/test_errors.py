@@ -170,7 +170,12 @@ def test_messages_are_bounded_however_many_names_there_are_and_however_long():
     assert len(str(caught[0].message)) < 5000
 
 
-@pytest.mark.parametrize("bad", ["\x1b[2J", "\x9b31m", "\x07", "\u202e", "\x7f", "\ud800", "\r"])
+UNSEEN = [*"\u061c\u200b\u200c\u200d\u200e\u200f\u2060\ufeff\U000e0000\U000e0041\U000e007f"]
+
+
+@pytest.mark.parametrize(
+    "bad", ["\x1b[2J", "\x9b31m", "\x07", "\u202e", "\x7f", "\ud800", "\r", *UNSEEN]
+)
 def test_messages_hold_nothing_that_commands_a_terminal(bad):
     assert bad not in str(sa.ModelError(f"link {bad} is odd"))
     assert str(sa.ModelError(f"link {bad} is odd")).isprintable()

@@ -24,7 +24,7 @@ from spacearm.description.readers import formats
 from spacearm.description.readers.source import Reading
 from spacearm.description.tree import Tree, Wheels
 from spacearm.errors import listed, require_known, warn
-from spacearm.files import read, writable
+from spacearm.files import decoded, read, writable
 from spacearm.model.arguments import BaseMode
 from spacearm.model.joints import joint_vector, warn_outside
 from spacearm.motion.goal import Goal, goal_of, goal_pose
@@ -521,7 +521,7 @@ def table_of(path: Path, what: str) -> tuple[list[str], Array]:
         ConfigurationError: It cannot be read, holds something else, or rows of several lengths.
     """
     try:
-        text = read(path).decode()
+        text = decoded(read(path))
     except (OSError, ValueError) as error:
         raise sa.ConfigurationError(f"{what} cannot be read: {error}") from None
     split = [line.partition("#")[0].replace(",", " ").split() for line in text.splitlines()]

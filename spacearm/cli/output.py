@@ -313,7 +313,7 @@ def print_description(said: Description, deg: bool = False) -> None:
 def print_json(value: Any, indent: int | None = 2) -> None:
     """Print strict JSON; numbers that are not finite, which JSON lacks, become null."""
     text = json.dumps(_finite(value), indent=indent, ensure_ascii=False, allow_nan=False)
-    print(UNPRINTABLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
+    print(UNPRINTABLE.sub(lambda found: json.dumps(found[0])[1:-1], text))
 
 
 def _finite(value: Any) -> Any:

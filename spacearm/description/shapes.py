@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 import json
 import logging
@@ -334,7 +335,7 @@ def _bounds(path: Path, _: int) -> Array | None:
     suffix = path.suffix.lower()
     if suffix not in (".stl", ".obj"):
         return np.array(read_mesh(path).bounds)
-    content = read(path, LARGEST_MESH)
+    content = _content(path)
     triangles = int.from_bytes(content[80:84], "little")
     if suffix == ".stl" and len(content) == 84 + 50 * triangles:
         fields = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
@@ -431,7 +432,7 @@ def _mesh(path: Path) -> trimesh.Trimesh:
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise ValueError(f"give one of {', '.join(FORMATS)}")
-    content, metre = read(path, LARGEST_MESH), 1.0
+    content, metre = _content(path), 1.0
     if zipfile.is_zipfile(io.BytesIO(content)):
         raise ValueError("it is an archive: unpack it")
     if suffix == ".dae":
@@ -457,6 +458,15 @@ def _mesh(path: Path) -> trimesh.Trimesh:
     if not (np.abs(mesh.vertices) <= LARGEST).all():
         raise ValueError(f"it has coordinates that are not finite or beyond {LARGEST:g}")
     return mesh
+
+
+def _content(path: Path) -> bytes:
+    """Return the content of a mesh file, of text without the byte-order mark of UTF-8."""
+    content = read(path, LARGEST_MESH)
+    text = content.removeprefix(codecs.BOM_UTF8)
+    triangles = int.from_bytes(content[80:84], "little")
+    binary = path.suffix.lower() == ".stl" and len(content) == 84 + 50 * triangles
+    return content if binary else text
 
 
 def _buffers(path: Path, gltf: bytes) -> dict[str, bytes]:

@@ -15,11 +15,13 @@ import scipy
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, imported, listed, require_known
-from spacearm.files import write, write_folder
+from spacearm.files import decoded, read, write, write_folder
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.signatures import checked
 
+#: Largest size of a table of what was measured [bytes].
+LARGEST_MEASURED = 10**8
 #: Names of columns by what they stand for; those of wheels are numbers.
 COLUMNS = {"component": ("px", "py", "pz", "hx", "hy", "hz"), "axis": ("x", "y", "z")}
 
@@ -102,7 +104,7 @@ def read_measured(path: Path, arm: SpaceArm) -> tuple[Motion, Array | None, Arra
         ConfigurationError: The file is no such table, or a column is missing or in other units.
     """
     try:
-        first, *lines = path.read_text(encoding="utf-8-sig").splitlines()
+        first, *lines = decoded(read(path, LARGEST_MEASURED)).splitlines()
         values = np.array([[float(x) for x in line.split(",")] for line in lines if line.strip()])
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"{path} is not a CSV table with a header: {error}") from None

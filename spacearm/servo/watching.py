@@ -12,7 +12,7 @@ import numpy as np
 
 from spacearm.arrays import NO_NUMBERS, Array
 from spacearm.equations.servo import HALTS, Limits, Tick
-from spacearm.errors import ConfigurationError, imported, listed
+from spacearm.errors import ConfigurationError, SpaceArmError, imported, listed
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.results import Cell, Description, Measure, Result, Table, Tone, joint_measures
@@ -181,13 +181,24 @@ def _no_state(arm: SpaceArm, number: int) -> ConfigurationError:
 
 
 def _joint_state(arm: SpaceArm, message: Any, number: int) -> JointState | None:
-    """Return the joint state in message `number`, None if it is of other joints."""
-    unreadable = JointState(math.nan, np.full(arm.n, np.nan))
-    if isinstance(message, str | bytes):
-        try:
+    """Return the joint state in message `number`, None if it is of other joints.
+
+    Of a message that cannot be read it is a state of NaN.
+    """
+    try:
+        if isinstance(message, str):
+            message = message.encode()  # of bytes, json knows the byte-order mark
+        if isinstance(message, bytes):
             message = json.loads(message)
-        except ValueError:
-            return unreadable
+        return _parsed_state(arm, message, number)
+    except SpaceArmError:
+        raise
+    except (*NO_NUMBERS, IndexError):
+        return JointState(math.nan, np.full(arm.n, np.nan))
+
+
+def _parsed_state(arm: SpaceArm, message: Any, number: int) -> JointState | None:
+    """Return the joint state in a parsed message, as `_joint_state`; it may raise anything."""
 
     def get(of: Any, *names: str) -> Any:
         given = [of.get(n) if isinstance(of, Mapping) else getattr(of, n, None) for n in names]
@@ -209,10 +220,7 @@ def _joint_state(arm: SpaceArm, message: Any, number: int) -> JointState | None:
         raise _no_state(arm, number)
     place = [names.index(name) for name in arm.joint_names]
     told = [q, dq] if dq is not None and len(dq) == len(names) else [q]
-    try:
-        return JointState(float(stamp), *(np.asarray(x, dtype=float)[place] for x in told))
-    except (*NO_NUMBERS, IndexError):
-        return unreadable
+    return JointState(float(stamp), *(np.asarray(x, dtype=float)[place] for x in told))
 
 
 def recorded(path: Path, topic: str) -> Iterator[Any]:
@@ -224,7 +232,7 @@ def recorded(path: Path, topic: str) -> Iterator[Any]:
     """
     if path.suffix != ".mcap":
         try:
-            with path.open(encoding="utf-8") as file:
+            with path.open(encoding="utf-8-sig") as file:
                 yield from file
         except FileNotFoundError:
             raise ConfigurationError(f"{path} cannot be read: no such file") from None

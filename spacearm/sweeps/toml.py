@@ -21,7 +21,7 @@ from spacearm.errors import (
     shortened,
     unknown,
 )
-from spacearm.files import read
+from spacearm.files import decoded, read
 
 T = TypeVar("T")
 #: Largest number of parts of a key, as in a.b.c.
@@ -139,7 +139,7 @@ def text_of(path: str | os.PathLike[str], what: str) -> str:
         ConfigurationError: It cannot be read; says what it is.
     """
     try:
-        return read(Path(path), MOST_BYTES).decode("utf-8-sig")
+        return decoded(read(Path(path), MOST_BYTES))
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"{what} {path} cannot be read: {error}") from None
 

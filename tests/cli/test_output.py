@@ -8,6 +8,7 @@ from helpers.commands import spacearm
 from matplotlib.text import Text
 
 import spacearm as sa
+from spacearm.cli.output import print_json
 
 ODD = "a\x9b31m\x85b\u202ec\x7f"
 """Commands of terminals that XML allows in a name."""
@@ -66,6 +67,14 @@ def test_a_robot_s_name_leads_nowhere(tmp_path, command, name):
     assert sorted(p.name for p in tmp_path.rglob("*") if p.is_file()) == sorted(
         ("robot.urdf", picture.name)
     )
+
+
+def test_json_escapes_what_is_not_seen(capsys):
+    text = "".join(("a\u200b", "\ufeff", "\U000e0041", "\x9b", "b"))
+    print_json({"name": text})
+    said = capsys.readouterr().out
+    assert said.replace("\n", "").isprintable()
+    assert json.loads(said) == {"name": text}
 
 
 @pytest.mark.parametrize(

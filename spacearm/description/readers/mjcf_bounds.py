@@ -15,7 +15,7 @@ from lxml import etree
 
 from spacearm.description.readers.packages import MESHES
 from spacearm.description.readers.source import Source
-from spacearm.files import named_files, read
+from spacearm.files import marked_encoding, named_files, read
 
 #: Largest number of elements, with those that are copied or generated.
 MOST_ELEMENTS = 100_000
@@ -53,9 +53,9 @@ def check_bounds(source: Source, root: etree._Element) -> bool:
         ModelError: It does; the message says the bound.
     """
     bounds = _Bounds(source)
-    bounds.check_encoding(root)
+    bounds.check_encoding(read(source.path), root)
     total = bounds.elements(root, source.path.resolve())
-    size = bounds.bytes()  # of every file: it refuses some
+    size = bounds.size()  # of every file: it refuses some
     return total <= FEW_ELEMENTS and bounds.most <= FEW_NUMBERS and size <= FEW_BYTES
 
 
@@ -107,7 +107,7 @@ class _Bounds:
             left += [(child, times) for child in element.iterchildren(etree.Element)]
         return total + attached * largest
 
-    def bytes(self) -> int:
+    def size(self) -> int:
         """Return the size of all files that MuJoCo opens; refuse those that it may not open."""
         for name in self._parts:  # again, since all folders are known only now
             self._files(name)
@@ -145,17 +145,19 @@ class _Bounds:
         roots = {}
         for path in {path.resolve() for path in self._files(name)}.difference(but):
             try:
-                roots[path] = self._source.parsed(read(path))
-                self.check_encoding(roots[path])
+                content = read(path)
+                roots[path] = self._source.parsed(content)
+                self.check_encoding(content, roots[path])
             except OSError as error:
                 self._source.fail(f"names {path}, which cannot be read ({error})", "correct it")
             if path.parent not in self._folders:
                 self._folders.append(path.parent)
         return roots
 
-    def check_encoding(self, root: etree._Element) -> None:
+    def check_encoding(self, content: bytes, root: etree._Element) -> None:
         """Refuse a file in whose bytes MuJoCo may see other elements than a parser of XML."""
-        encoding = etree.ElementTree(root).docinfo.encoding or "UTF-8"
+        stated = etree.ElementTree(root).docinfo.encoding or "UTF-8"
+        encoding = (marked_encoding(content) or stated).removesuffix("-sig")
         if encoding.upper() not in ENCODINGS:
             self._source.fail(f"is encoded as {encoding!r}", "save it as UTF-8")
 

@@ -23,7 +23,7 @@ from spacearm.arrays import LARGEST, MOST_LINKS, Array, positive
 from spacearm.description.readers.packages import OutsideError, Packages
 from spacearm.description.shapes import TURNED, Mesh, Shape, Unusable, Visuals
 from spacearm.errors import ConfigurationError, ModelError, ModelWarning, listed, warn
-from spacearm.files import read, xml
+from spacearm.files import decoded, marked_encoding, read, xml
 from spacearm.processes import WorkerError, call_within
 
 #: Characters of numbers with pi, + - * / and parentheses, as SPART's files write their numbers.
@@ -158,6 +158,8 @@ LENIENT = (
 )
 #: The version of XML that a file states, which some write as 0.0.
 VERSION = re.compile(rb"""\A(<\?xml\s+version\s*=\s*["'])[\d.]+""")
+#: The encoding that the declaration of XML states.
+ENCODING = re.compile(rb"""\A(\s*<\?xml[^>]*?)\s+encoding\s*=\s*["'][\w.:-]*["']""")
 ROOT_TAG = re.compile(rb"(\s|<\?((?!\?>).)*\?>|<!--((?!-->).)*-->)*<[\w:.-]+", re.DOTALL)
 #: Prefix of elements that only Drake has, and those of them that mean what their names say.
 DRAKE, DRAKES = "drake", ("joint", "parent", "child", "mimic", "screw_thread_pitch")
@@ -410,10 +412,13 @@ def line_of(element: etree._Element) -> str:
 def mended(text: bytes) -> bytes:
     """Return XML 1.0 that a strict parser reads as those of simulators read the text.
 
-    Namespace prefixes are declared. Blanks before the declaration, none between attributes, hyphens
-    in comments, declarations further down and names such as a::b are mended; lines stay where they
-    are.
+    A text with a byte-order mark is decoded by it. Namespace prefixes are declared. Blanks before
+    the declaration, none between attributes, hyphens in comments, declarations further down and
+    names such as a::b are mended; lines stay where they are.
     """
+    if marked_encoding(text):
+        with suppress(ValueError):  # else the parser says what is wrong
+            text = ENCODING.sub(rb"\1", decoded(text).encode())
     body = VERSION.sub(rb"\g<1>1.0", text.lstrip())
     if body.startswith(b"<?xml"):  # which must come first; the number of lines stays
         blank = text[: len(text) - len(text.lstrip())]

@@ -31,7 +31,7 @@ from spacearm.description.readers.xacro_expressions import (
     Evaluator,
     ExpressionError,
 )
-from spacearm.files import LARGEST_TEXT, named_files, read
+from spacearm.files import LARGEST_TEXT, named_files, read, xml
 
 #: Functions of xacro's namespace python that expressions do without.
 CLOSED = ("type", "vars", "hash", "repr")
@@ -258,14 +258,15 @@ class Expansion:
             return minidom.parseString("<robot/>")
         except MissingFileError as error:  # as xacro expects it of files that are optional
             raise self._xacro.XacroException(exc=error) from None
-        if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-            raise XacroError(f"{file.name} declares a DOCTYPE", "remove it: it is not expanded")
         content = mended(content)
         try:
+            root = xml(content)
+            if root.getroottree().docinfo.doctype:
+                raise XacroError(f"{file.name} declares a DOCTYPE", "remove it: it is not expanded")
             document = minidom.parseString(content)
-        except ExpatError as error:
+        except (etree.XMLSyntaxError, ExpatError) as error:
             raise XacroError(f"{file.name} is not XML ({error})", "correct it there") from None
-        written = etree.fromstring(content).iter(etree.Element)
+        written = root.iter(etree.Element)
         for node, element in zip(document.getElementsByTagName("*"), written, strict=True):
             line = f"line {element.sourceline} of {file.name}"
             if node.tagName in ("link", "joint"):
