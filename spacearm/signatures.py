@@ -193,7 +193,7 @@ def _show(call: Call) -> None:
     line, write = "", _write if _cell() is None else partial(_display, f"spacearm {call.since}")
     while not call.over.wait(LOOK):
         done, of = call.done
-        share = f", {done / of:.0%}" if of else ""
+        share = f", {min(int(100.0 * done / of), 99)}%" if of else ""
         write(line, line := f"{call.name}: {time.monotonic() - call.since:.0f} s{share}")
     write(line, "")
 

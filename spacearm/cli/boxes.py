@@ -13,7 +13,7 @@ import typer
 import spacearm as sa
 from spacearm.arrays import Array
 from spacearm.cli import options as opt
-from spacearm.cli.output import Answer, kept, working
+from spacearm.cli.output import STEP_LIMIT, Answer, kept, working
 from spacearm.files import write
 from spacearm.model.arguments import FLOATING
 from spacearm.results import Description, Table, joint_measures
@@ -76,7 +76,7 @@ def find_box(
         if mode != FLOATING:
             raise sa.ConfigurationError("--uncertain is for a floating arm; leave out --mode")
         find = partial(sa.free_box_for_all, _uncertain(arm, uncertain), about)
-    with working("proving") as progress:
+    with working("proving", form=STEP_LIMIT) as progress:
         box = find(
             joints=widest or (),
             at_least=opt.radians(at_least, deg, None),
@@ -147,6 +147,7 @@ def cover_by_boxes(
             mode=mode,
             progress=progress,
         ),
+        STEP_LIMIT,
     )
     written = [found.save(keep)] if keep else []
     rows = found.path(*ends) if ends else None

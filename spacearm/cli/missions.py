@@ -13,7 +13,15 @@ import typer
 
 import spacearm as sa
 from spacearm.cli import options as opt
-from spacearm.cli.output import Answer, err, out, save_phases, working
+from spacearm.cli.output import (
+    STEP_LIMIT,
+    TIME_LIMIT,
+    Answer,
+    err,
+    out,
+    save_phases,
+    working,
+)
 from spacearm.cli.questions import With, constraints_of, question, search_of, target_of
 from spacearm.cli.wording import NUMBER, join_numbers
 from spacearm.export.motion_files import read_measured
@@ -113,7 +121,7 @@ def find_catch(
     asked = question(more, "start", "constraints", "search", *told, grapple=one or by_tip or None)
     start = opt.configuration(arm, q, attitude, deg, asked.inner("start"))
     early, late = opt.numbers("--window", window, 2).tolist()
-    with working("trying contacts", searches=True) as progress:
+    with working("trying contacts", form=TIME_LIMIT) as progress:
         found = sa.catch(
             start,
             target_of(target),
@@ -189,7 +197,7 @@ def hold_target(
         err.print("spacearm: note: the start leads to no closed posture; a random one did")
     way = None
     if "regrasp" in asked.values:
-        with working("planning", searches=True) as progress:
+        with working("planning", form=TIME_LIMIT) as progress:
             way = _regrasp(held, asked.inner("regrasp"), progress)
         held = held.after(way)
     written = list[Path]()
@@ -200,7 +208,7 @@ def hold_target(
         written.append(write(save, f"[start]\nq = {held.q.tolist()}\n{place}\n".encode()))
     if way is not None:
         return Answer(way, written=written)
-    with working("searching") as progress:
+    with working("searching", form=STEP_LIMIT) as progress:
         report = held.report(mode=mode, progress=progress, **{"exact": True} | asked.some("exact"))
     return Answer(report, told={"grasps": held.to_dict()["grasps"]}, written=written)
 

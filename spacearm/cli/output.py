@@ -7,11 +7,9 @@ import math
 import signal
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import timedelta
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -68,80 +66,74 @@ STYLES: Mapping[Tone, str] = {
 }  # fmt: skip
 
 
-class TimeLeft(ProgressColumn):
-    """How long something still takes, as long as that is not longer than was said before.
+#: What is said of how much is done, of `done` and `total`, or of `percent`.
+SHARE = "{percent} %"
+#: The same of a search, whose `total` is a time [s], and of work that a number of steps limits:
+#: both may end earlier.
+TIME_LIMIT = "time limit {total:.0f} s"
+STEP_LIMIT = "{done:,.0f} of at most {total:,.0f} steps"
+
+
+class Done(ProgressColumn):
+    """How much is done. Nothing is said of the time it still takes: steps differ in duration.
 
     Args:
-        searches: As in `working`.
-
-    Attributes:
-        told: When it was told last how far it is, by the monotonic clock [s].
+        form: `SHARE`, `TIME_LIMIT` or `STEP_LIMIT`.
     """
 
     max_refresh = 0.5
 
-    def __init__(self, searches: bool) -> None:
+    def __init__(self, form: str) -> None:
         super().__init__()
-        self.searches, self._said, self.told = searches, math.inf, time.monotonic()
+        self.form = form
 
-    def seconds(self, task: Task) -> float | None:
-        """Return how long it still takes [s]; None where that is not known, or has grown."""
-        done, total = task.completed, task.total
-        if not done or total is None:
-            return None
-        left = (task.elapsed or 0.0) * (total / done - 1.0)
-        if self.searches:
-            left = max(total - done - (time.monotonic() - self.told), 0.0)
-        if left > self._said:
-            return None
-        self._said = left
-        return left
+    def text(self, task: Task) -> str:
+        """Return it; nothing before it is reported. 100 % is never said of work that goes on."""
+        if not task.total:
+            return ""
+        percent = min(int(100.0 * task.completed / task.total), 99)
+        return self.form.format(done=task.completed, total=task.total, percent=percent)
 
     def render(self, task: Task) -> Text:
         """Return it for a bar."""
-        left = self.seconds(task)
-        word = "at most" if self.searches else "left"
-        return Text("" if left is None else f"{word}: {timedelta(seconds=round(left))}")
+        return Text(self.text(task))
 
     def line(self, task: Task) -> str:
-        """Return how far something is, and how long it still takes, as a line."""
-        left, took = self.seconds(task), f"{task.elapsed or 0.0:.0f} s so far"
-        if self.searches:
-            return took if left is None else f"{took}, at most {left:.0f} s more"
-        percent = f"{task.percentage:.0f} %, " if task.percentage else ""
-        return percent + (took if left is None else f"about {left:.0f} s left")
+        """Return it as a line, with the time that the work has taken."""
+        took = f"{task.elapsed or 0.0:.0f} s so far"
+        text = self.text(task)
+        return f"{text}, {took}" if text else took
 
 
 @contextmanager
 def working(
-    what: str, *more: ProgressColumn, searches: bool = False
+    what: str, *more: ProgressColumn, form: str = SHARE
 ) -> Iterator[Callable[[float, float], None]]:
-    """Show on stderr what goes on, for how long and, where it is reported, how long it still takes.
+    """Show on stderr what goes on, for how long and, where it is reported, how much is done.
 
     A terminal gets a bar, anything else a line after two seconds and every ten.
 
     Args:
         what: What goes on, as in "planning".
         *more: More columns of the bar.
-        searches: Whether what is reported is the time of a search that may end at any moment: then
-            it takes at most what is left of it.
+        form: What is said of how much is done: `SHARE`, or `TIME_LIMIT` or `STEP_LIMIT` of what may
+            end before all is done.
 
     Yields:
         Takes what is done and how much there is.
     """
-    left = TimeLeft(searches)
-    columns = (TextColumn("{task.description}"), BarColumn(), *more, TimeElapsedColumn(), left)
+    done = Done(form)
+    columns = (TextColumn("{task.description}"), BarColumn(), *more, done, TimeElapsedColumn())
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
         task, over = bar.add_task(what, total=None), threading.Event()
 
-        def told(done: float, of: float) -> None:
-            left.told = time.monotonic()
-            bar.update(task, completed=done, total=of)
+        def told(completed: float, total: float) -> None:
+            bar.update(task, completed=completed, total=total)
 
         def tell() -> None:
             wait = FIRST
             while not over.wait(wait):
-                err.print(f"spacearm: {what}: {left.line(bar.tasks[0])}")
+                err.print(f"spacearm: {what}: {done.line(bar.tasks[0])}")
                 wait = EVERY
 
         thread = threading.Thread(target=tell, daemon=True)
@@ -153,18 +145,21 @@ def working(
             over.set()
 
 
-def kept(what: str, compute: Callable[[Callable[[float, float], None]], T]) -> tuple[T, int]:
+def kept(
+    what: str, compute: Callable[[Callable[[float, float], None]], T], form: str = SHARE
+) -> tuple[T, int]:
     """Compute something, its progress shown; after Ctrl-C there is what it had come to.
 
     Args:
         what: What goes on; see `working`.
         compute: Takes a function of progress to call, and raises `StoppedError` after Ctrl-C.
+        form: As in `working`.
 
     Returns:
         The result, and the exit code.
     """
     try:
-        with working(what) as progress:
+        with working(what, form=form) as progress:
             return compute(progress), 0
     except StoppedError as stop:
         say_stopped(str(stop))

@@ -14,7 +14,7 @@ import spacearm as sa
 from spacearm.arrays import Array
 from spacearm.cli import options as opt
 from spacearm.cli import questions
-from spacearm.cli.output import Answer, err, working
+from spacearm.cli.output import TIME_LIMIT, Answer, err, working
 from spacearm.cli.wording import INTERRUPTED, in_own_words
 from spacearm.collisions.obstacles import obstacles_of
 from spacearm.errors import listed
@@ -86,7 +86,7 @@ def _command(solve: Callable[..., sa.Plan], *more_keys: str) -> Callable[..., in
         kept = obstacles_of(constraints.obstacles, arm)
         constraints = replace(constraints, obstacles=(*kept, *around))
         try:
-            with working("planning", searches=True) as progress:
+            with working("planning", form=TIME_LIMIT) as progress:
                 found = solve(
                     start,
                     target,

@@ -13,14 +13,22 @@ import typer
 import spacearm as sa
 from spacearm.arrays import Array, plain
 from spacearm.cli import options as opt
-from spacearm.cli.output import Answer, err, kept, print_description, print_json, working
+from spacearm.cli.output import (
+    STEP_LIMIT,
+    Answer,
+    err,
+    kept,
+    print_description,
+    print_json,
+    working,
+)
 from spacearm.errors import listed
 from spacearm.files import write
 from spacearm.mechanics.dynamics import JointState
 from spacearm.model.arguments import BaseMode
-from spacearm.model.joints import joint_name
+from spacearm.model.joints import joint_name, outside_limits
 from spacearm.results import Description, Table, joint_measures
-from spacearm.singularities.abstract_set import control_points, half_of, path_rows, prove_clear
+from spacearm.singularities.abstract_set import control_points, part_of, path_rows, prove_clear
 from spacearm.singularities.immaterial_masses import any_payload, payload_note
 from spacearm.singularities.nearest import angle, distances_found
 from spacearm.singularities.report import TOLERANCE
@@ -63,7 +71,7 @@ def report_singularity(
 ) -> Answer:
     """Report whether a posture is singular."""
     cfg = opt.configuration(arm, q, attitude, deg)
-    with working("searching") as told:
+    with working("searching", form=STEP_LIMIT) as told:
         report = sa.singularity(
             cfg,
             mode=mode,
@@ -86,7 +94,7 @@ def find_nearest(
 ) -> Any:
     """Find the singular posture that is nearest to a posture."""
     start = opt.joint_values(arm, q or [], deg)
-    with working("searching") as progress:
+    with working("searching", form=STEP_LIMIT) as progress:
         return sa.singular_set(arm, mode=mode).nearest(start, limits=limits, progress=progress)
 
 
@@ -119,7 +127,8 @@ def check_path(
     with working("proving") as progress:
         wanted = opt.radians(clearance, deg, 0.0)
         twice = bool(wanted) or way.shape[1] > 2  # a plan is flown between its rows
-        proof = prove_regular(arm, Q, mode=mode, progress=half_of(progress, 0, twice))
+        parts = 3 if twice else 2
+        proof = prove_regular(arm, Q, mode=mode, progress=part_of(progress, 0, parts))
         if proof is None:
             raise sa.UnsupportedError(
                 f"{arm.name}: J* has no minors of a size that a proof could use, and the proof "
@@ -127,10 +136,12 @@ def check_path(
                 "spacearm query looks at single postures"
             )
         if proof and twice:
-            clear = prove_clear(arm, mode, way, wanted, progress=half_of(progress, 1))
+            clear = prove_clear(arm, mode, way, wanted, progress=part_of(progress, 1, parts))
             proof = replace(clear, margin=proof.margin)
-        distance = distances_found(arm, mode, Q)
-    outside = sorted({name for q in Q for name in arm.at(q).outside_limits})
+        last = part_of(progress, parts - 1, parts)
+        distance = distances_found(arm, mode, Q, progress=last)
+    ends = outside_limits(arm, Q.min(axis=0)) + outside_limits(arm, Q.max(axis=0))
+    outside = sorted(set(ends))
     if as_json:
         facts = {"arm": arm, "certificate": proof, "outside_limits": outside}
         whom = {"any_payload": any_payload(arm, mode)}

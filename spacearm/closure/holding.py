@@ -184,7 +184,7 @@ class Held(Result):
             at_rest: Whether a motion with times begins and ends at rest.
             rest: (n,) joint positions to which redundant joints move in the null space, by 1/s.
             limits: Whether joint limits stop the motion.
-            progress: Called after every step as progress(s, length), of the piece it is on.
+            progress: Called after every step as progress(s, length), of the whole path.
 
         Returns:
             The motion of the arms with the target, up to where it ended, and at each row the gaps

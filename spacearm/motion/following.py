@@ -484,7 +484,7 @@ def follow(
         at_rest: Whether a motion with times begins and ends with the tip at rest; if not, as the
             first and the last four corners suggest (a spline that is "not a knot").
         limits: Whether joint limits stop the motion.
-        progress: Called after every step as progress(s, length), of the straight piece it is on.
+        progress: Called after every step as progress(s, length), of the whole path.
 
     Returns:
         The motion up to where it ended, with the reason.
@@ -566,9 +566,10 @@ def rows_along(
     n = cfg.arm.n
     states, moved, jumps = [state_of(cfg, 0.0)], list[Array](), list[RateJump]()
     behind, before = 0.0, np.zeros(n)
+    whole = sum(piece.length for piece in pieces)
     for piece in pieces:
         curve = curve_of(cfg, piece)
-        y, end = curve.integrate(progress)
+        y, end = curve.integrate(progress and partial(_told, progress, behind, whole))
         unbounded = curve.square and end.kind == "singularity"
         inside = [state_of(cfg, 0.0), *(y[:-1] if unbounded else y)]
         rates = np.array([curve.motion(state, pace) for state in inside])
@@ -598,6 +599,13 @@ def rows_along(
         tuple(jump for jump in jumps if np.abs(jump.change).max() > least),
     )
     return led, end, curve.place(led.rows[-1])
+
+
+def _told(
+    progress: Callable[[float, float], object], behind: float, whole: float, s: float, length: float
+) -> None:
+    """Report how much of the whole path is followed, from how much of a piece is."""
+    progress(behind + min(s, length), whole)
 
 
 def told_along(

@@ -16,6 +16,7 @@ and of the evaluation, has no sign.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -105,8 +106,11 @@ def _length(f: Jets, start: Array, step: Array) -> float:
 PIECES = 8
 #: Width below which an interval is not halved [rad].
 NARROW = 1e-12
-#: Largest number of intervals at a time: of paths that go along the set for long.
+#: Largest number of intervals at a time: of a segment that goes along the set for long.
 MOST = 50_000
+
+#: Segments that are followed at a time. Time and memory for a segment do not grow with the path.
+BLOCK = 1024
 
 #: Steps to the best place where several polynomials are rounding; the longest, as a share of the
 #: segment.
@@ -191,7 +195,33 @@ def certify(
             root; undecided if None.
         progress: Called as progress(done, 1000), in thousandths of the path.
     """
-    return _Path(list(polynomials), path, singular).certificate(progress)
+    count = max(len(path) - 1, 1)
+    margin, noise = np.inf, 0.0
+    for begin in range(0, count, BLOCK):
+        part = path[begin : begin + BLOCK + 1]
+        told = of_block(progress, begin, len(part) - 1, count)
+        proof = _Path(list(polynomials), part, singular).certificate(told)
+        if proof.segment is not None:
+            return replace(proof, segment=begin + proof.segment)
+        margin = min(margin, proof.margin)
+        noise = max(noise, proof.noise)
+    return Certificate(True, None, None, margin, "free", noise)
+
+
+def of_block(
+    progress: Callable[[int, int], object] | None, begin: int, size: int, count: int
+) -> Callable[[int, int], object] | None:
+    """Return the callback of progress for a block of the segments of a path.
+
+    Args:
+        progress: That of the whole path.
+        begin: Number of the first segment of the block.
+        size: Number of its segments.
+        count: Number of segments of the path.
+    """
+    if progress is None:
+        return None
+    return lambda done, total: progress((begin * total + size * done) // count, total)
 
 
 class _Intervals(NamedTuple):

@@ -83,11 +83,11 @@ def prove_free(
     return Certificate(True, None, None, margin, "free", noise)
 
 
-def half_of(progress: Progress | None, number: int, halved: bool = True) -> Progress | None:
-    """Return a progress callback for the first or second half of the work, or for all of it."""
-    if progress is None or not halved:
+def part_of(progress: Progress | None, number: int, parts: int) -> Progress | None:
+    """Return a progress callback for one of some parts of the work, numbered from 0 on."""
+    if progress is None or parts == 1:
         return progress
-    return lambda done, total: progress((done + number * total) // 2, total)
+    return lambda done, total: progress((done + number * total) // parts, total)
 
 
 #: How far a chord that stands for several pieces of a path may be from it, over the clearance.
@@ -439,10 +439,11 @@ class SingularSet(Described, ABC):
         """
         way = control_points(self.arm, path)
         twice = bool(at_least) or way.shape[1] > 2
-        proof = self._proof(path_rows(self.arm, path), limits, half_of(progress, 0, twice))
+        first, second = (part_of(progress, number, 1 + twice) for number in (0, 1))
+        proof = self._proof(path_rows(self.arm, path), limits, first)
         if not (proof and twice):
             return proof
-        clear = prove_clear(self.arm, self.mode, way, at_least, limits, half_of(progress, 1))
+        clear = prove_clear(self.arm, self.mode, way, at_least, limits, second)
         return replace(clear, margin=proof.margin)
 
     def _proof(self, path: ArrayLike, limits: bool, progress: Progress | None) -> Certificate:

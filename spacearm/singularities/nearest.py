@@ -27,6 +27,7 @@ from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales
+from spacearm.polynomial.certificate import WHOLE
 from spacearm.polynomial.free_regions import Roots, prove
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.newton import shortened
@@ -76,6 +77,8 @@ LANDED = 1e-9
 #: Way between the rows of a motion that are searched [rad], most of them, and how often the points
 #: that are found from one row are tried from the others.
 SPACING, MOST_SEARCHED, PASSES = float(np.radians(10.0)), 64, 6
+#: Most rows of a motion from which its distances are searched.
+MOST_SETTLED = 2000
 #: Configurations that the set is linearised at until an offset has settled, about.
 LINEARISED = 100
 #: Distance of the set from singular configurations, and where it is nowhere in sight [rad].
@@ -275,41 +278,99 @@ def local_offsets(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
     return search.rested(search.onto(X, LANDING))
 
 
-def distances_found(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
+def distances_found(
+    arm: SpaceArm, mode: BaseMode, Q: Array, progress: Progress | None = None
+) -> Array:
     """Return how far the nearest singular configurations found from some rows are, (m,) [rad].
 
-    Rows `SPACING` apart on the way, the first and the last one are searched as by
-    `nearest_singular`, which has the same numbers there. From what is found, and from the points
-    nearest to first order, the nearest points of the other rows are reached along the set. None
-    that is nearest of all is farther; inf where none was found.
+    At most `MOST_SETTLED` rows are searched, evenly spaced along the way. The distance of a row
+    between two of them is that to the nearer one of the two configurations found from these. Where
+    it may be the least of all, it is searched, too, for as many rows again. Each distance is an
+    upper bound: a singular configuration at that distance exists. It is inf where none was found.
 
     Args:
         arm: The arm.
         mode: What the spacecraft does.
         Q: (m, n) joint positions, in the order of a motion.
+        progress: Called as progress(done, 1000), in thousandths of the work.
     """
-    best = np.full(len(Q), np.inf if arm.n >= arm.task.k else 0.0)
-    if not best.any():
-        return best
+    if arm.n < arm.task.k:
+        return np.zeros(len(Q))
     at = Q / joint_scales(arm)
-    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(at, axis=0), axis=1)))
+    way = _lengths(at)
+    rows = np.arange(len(Q))
+    if len(Q) > MOST_SETTLED:
+        evenly = np.linspace(0.0, way[-1], MOST_SETTLED - 2)
+        rows = np.unique([0, len(Q) - 1, *np.searchsorted(way, evenly).tolist()])
+    best, points = _searched(arm, mode, Q[rows], progress)
+    if len(rows) == len(Q):
+        return best
+    after = np.searchsorted(rows, np.arange(len(Q)))
+    distance, least = np.full(len(Q), np.inf), np.zeros(len(Q))
+    for number in (np.maximum(after - 1, 0), after):
+        found = np.linalg.norm(at - points[number], axis=1)
+        gap = np.linalg.norm(at - at[rows[number]], axis=1)
+        distance = np.fmin(distance, found)
+        least = np.maximum(least, best[number] - gap)  # no distance changes faster than the row
+    distance[rows] = best
+    near = np.flatnonzero(least < distance.min())
+    near = near[np.argsort(distance[near])][:MOST_SETTLED]
+    settled = np.linalg.norm(local_offsets(arm, mode, Q[near]), axis=1)
+    distance[near] = np.fmin(distance[near], settled)
+    return distance
+
+
+def _searched(
+    arm: SpaceArm, mode: BaseMode, Q: Array, progress: Progress | None
+) -> tuple[Array, Array]:
+    """Find the nearest singular configurations from all rows of a motion.
+
+    Rows `SPACING` apart on the way, the first and the last one are searched as by
+    `nearest_singular`, which has the same numbers there. From what is found, and from the points
+    nearest to first order, the nearest points of the other rows are reached along the set.
+
+    Returns:
+        The distances (m,), inf where none was found; the configurations (m, n) in units of
+        `joint_scales`, NaN there.
+    """
+    at = Q / joint_scales(arm)
+    way = _lengths(at)
     spots = np.arange(0.0, way[-1], max(SPACING, way[-1] / MOST_SEARCHED))
+    starts = sorted({0, len(Q) - 1, *np.searchsorted(way, spots).tolist()})
+    steps = 1 + len(starts) + PASSES
+
+    def told(done: int) -> None:
+        if progress:
+            progress(WHOLE * done // steps, WHOLE)
+
     points = at + local_offsets(arm, mode, Q)
-    for i in sorted({0, len(Q) - 1, *np.searchsorted(way, spots).tolist()}):
-        if (end := NearestSearch(arm, mode, Q[i : i + 1]).nearest()) is not None:
+    for done, i in enumerate(starts, 1):
+        told(done)
+        end = NearestSearch(arm, mode, Q[i : i + 1]).nearest()
+        if end is not None:
             points = np.vstack((points, at[i] + end))
+    best, found = np.full(len(Q), np.inf), np.full(Q.shape, np.nan)
     for passed in range(PASSES + 1):
+        told(1 + len(starts) + passed)
         points = points[~np.isnan(points[:, 0])]
         if not len(points):
             break
         distance, nearest = scipy.spatial.KDTree(points).query(at)
         nearer = np.flatnonzero(distance < best * (1.0 - NEARER))
+        closer = np.flatnonzero(distance < best)
+        found[closer] = points[np.asarray(nearest)[closer]]
         best = np.minimum(best, distance)
         if passed == PASSES or not nearer.size:
             break
         search = NearestSearch(arm, mode, Q[nearer], expected=LINEARISED * len(nearer))
         points = np.vstack((points, at[nearer] + search.rested((points[nearest] - at)[nearer])))
-    return best
+    told(steps)
+    return best, found
+
+
+def _lengths(X: Array) -> Array:
+    """Return the length (m,) of the way behind each row of X (m, n)."""
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(X, axis=0), axis=1)))
 
 
 def _most(n: int) -> int:

@@ -37,7 +37,7 @@ from spacearm.mechanics.arm_kernels import evaluated, parameters_of, structure_o
 from spacearm.mechanics.batch import tips_from_centre
 from spacearm.model.arguments import FLOATING, BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.polynomial.certificate import WHOLE, Certificate, Verdict
+from spacearm.polynomial.certificate import BLOCK, WHOLE, Certificate, Verdict, of_block
 
 #: Chebyshev nodes of a chord; an odd number, so that one is in the middle.
 NODES = 7
@@ -452,13 +452,21 @@ def prove_by_momenta(arm: SpaceArm, way: Array, progress: Progress | None = None
         way: As for `look`.
         progress: As for `look`.
     """
-    found = look(OneArm(arm), way, progress)
-    if found.open is None:
-        return Certificate(True, None, None, found.margin, "free", ROUNDING)
-    at = found.at if found.at is not None else Momenta(OneArm(arm), way).position(found.open)
-    segment = min(int(found.open), len(way) - 1)
-    verdict: Verdict = "undecided" if found.at is None else "singular"
-    return Certificate(False, at, segment, found.margin, verdict, ROUNDING)
+    margin = np.inf
+    for begin in range(0, len(way), BLOCK):
+        part = way[begin : begin + BLOCK]
+        found = look(OneArm(arm), part, of_block(progress, begin, len(part), len(way)))
+        margin = min(margin, found.margin)
+        if found.open is not None:
+            at = (
+                found.at
+                if found.at is not None
+                else Momenta(OneArm(arm), part).position(found.open)
+            )
+            segment = begin + min(int(found.open), len(part) - 1)
+            verdict: Verdict = "undecided" if found.at is None else "singular"
+            return Certificate(False, at, segment, found.margin, verdict, ROUNDING)
+    return Certificate(True, None, None, margin, "free", ROUNDING)
 
 
 def _descent(momenta: Momenta, pieces: Pieces) -> Iterator[tuple[bool, Place]]:

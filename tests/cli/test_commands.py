@@ -14,7 +14,7 @@ from helpers.commands import answer, spacearm
 
 import spacearm as sa
 from spacearm.cli.app import COMMANDS, command
-from spacearm.cli.output import TimeLeft, working
+from spacearm.cli.output import SHARE, STEP_LIMIT, TIME_LIMIT, Done, working
 
 MODULES = {f"spacearm.cli.{known.place.rpartition('.')[0]}" for known in COMMANDS.values()}
 HOME = ("0", "60", "-100", "-50", "30", "0")
@@ -300,25 +300,18 @@ def test_what_takes_long_says_so_on_stderr(capsys, monkeypatch):
         time.sleep(0.2)
     lines = capsys.readouterr().err.splitlines()
     assert re.match(r"spacearm: digging: \d+ s so far", lines[0])
-    assert "25 %, about" in "".join(lines)
-    assert re.search(r"25 %, \d+ s so far$", lines[-1]), "it said that it would have ended by now"
-    with working("digging", searches=True) as progress:
-        progress(10.0, 60.0)
-        time.sleep(0.1)
-    assert capsys.readouterr().err.splitlines()[-1].endswith("0 s so far, at most 50 s more")
+    assert re.search(r"digging: 25 %, \d+ s so far$", lines[-1])
+    forms = {TIME_LIMIT: "time limit 60 s", STEP_LIMIT: "10 of at most 60 steps"}
+    for form, said in forms.items():
+        with working("digging", form=form) as progress:
+            progress(10.0, 60.0)
+            time.sleep(0.1)
+        assert f": {said}, 0 s so far" in capsys.readouterr().err.splitlines()[-1]
 
 
-def test_estimates_of_the_time_left_do_not_grow():
-    """What stalls is told without one, until it is as near its end as was said."""
-    task, column, said = SimpleNamespace(total=100.0), TimeLeft(False), []
-    for task.elapsed, task.completed in ((1, 0), (2, 20), (3, 60), (9, 62), (20, 63), (40, 99)):
-        said.append(column.seconds(task))
-    np.testing.assert_allclose([x for x in said if x is not None], [8, 2, 40 / 99], atol=1e-12)
-    assert [x is None for x in said] == [True, False, False, True, True, False]
-    search = TimeLeft(True)  # told 3 s ago that it takes 50 s more at most
-    search.told -= 3.0
-    task.completed, task.total = 10.0, 60.0
-    assert search.seconds(task) <= 47.0
+def test_work_that_goes_on_is_never_at_100_percent():
+    said = [Done(SHARE).text(SimpleNamespace(completed=x, total=3.0)) for x in (0.0, 1.0, 3.0)]
+    assert said == ["0 %", "33 %", "99 %"]
 
 
 @pytest.mark.parametrize(
@@ -336,7 +329,7 @@ def test_estimates_of_the_time_left_do_not_grow():
     ids=lambda words: " ".join(map(str, words[:3])),
 )
 def test_commands_tell_how_far_they_are(words, tmp_path, monkeypatch):
-    """Without this there is no estimate of the time that is left."""
+    """What is done grows, and what there is to do stays the same."""
     from spacearm.cli.output import Progress
 
     told = []

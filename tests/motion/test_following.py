@@ -438,3 +438,14 @@ def test_a_redundant_arm_that_hardly_moves_its_tip_is_stuck():
         y = state_of(cfg, 0.0)
         assert (curve.rooms(y)[0] < 0.0) == stuck
     assert "1e5 times" in curve.event(0.0, y, "singularity").detail
+
+
+def test_progress_is_that_of_the_whole_path():
+    told = []
+    corners = [(1.5, 1.2), (1.4, 1.2), (1.4, 1.3)]
+    cfg = sa.load("planar2").at([0.3, 1.2])
+    found = sa.follow(cfg, corners, progress=lambda *done: told.append(done))
+    assert found.arrived
+    assert told == sorted(told)
+    assert {of for _, of in told} == {told[-1][0]}
+    assert told[-1][0] == pytest.approx(found.length)

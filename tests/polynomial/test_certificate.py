@@ -157,6 +157,28 @@ def test_the_first_root_of_a_long_path_is_named():
     assert ends.at[0] == pytest.approx(np.pi / 2, abs=1e-9)
 
 
+def test_a_path_in_blocks_has_the_certificate_of_the_whole(monkeypatch):
+    """Its first root is the same, and its progress grows to the end."""
+    f = sa.TrigPolynomial(np.array([0.5, 0, 0.5], complex))  # cos q
+    free, crossing = np.linspace([[-1.5], [-2.0]], [[1.5], [3.0]], 12, axis=1)
+    whole = certify(f, free), certify(f, crossing)
+    monkeypatch.setattr(certificates, "BLOCK", 4)
+    told = []
+    jets = [Jets(f, Chart.turning(1))]
+    parts = (
+        certificates.certify(jets, free, None, lambda *done: told.append(done)),
+        certify(f, crossing),
+    )
+    assert parts[0].free
+    assert parts[0].margin == pytest.approx(whole[0].margin, rel=1e-12)
+    assert parts[1].verdict == whole[1].verdict == "singular"
+    assert parts[1].segment == whole[1].segment
+    assert parts[1].at == pytest.approx(whole[1].at, abs=1e-12)
+    assert told == sorted(told)
+    assert told[0][0] < certificates.WHOLE
+    assert told[-1] == (certificates.WHOLE, certificates.WHOLE)
+
+
 def test_a_path_within_the_set_is_refused_at_once():
     c = np.zeros((3, 3), complex)
     c[0, 2] = c[2, 0] = 0.5  # cos(q1 - q2)

@@ -8,6 +8,7 @@ from helpers.arms import chosen, load_text, random_chain
 from helpers.commands import spacearm
 
 import spacearm as sa
+from spacearm.singularities import nearest
 from spacearm.singularities.nearest import distances_found
 from spacearm.viewer.session import Session
 
@@ -104,6 +105,23 @@ def test_along_a_motion_every_row_has_the_distance_of_its_posture(name):
     assert (along[::6] >= np.array([report.distance_proven for report in each[:-1]])).all()
     steps = np.linalg.norm(np.diff(Q, axis=0) / sa.singularity(arm.at(Q[0])).radian, axis=1)
     assert (np.abs(np.diff(along)) <= steps * (1 + 1e-6)).all()  # no distance changes faster
+
+
+def test_rows_of_a_long_motion_that_are_not_searched_have_upper_bounds(monkeypatch):
+    """A singular posture is at the distance of each row; those of the least ones are searched."""
+    arm = sa.load("planar2")
+    t = np.linspace(0.0, 1.0, 201)
+    Q = np.column_stack((0.3 + t, 0.9 + 0.4 * np.sin(9.0 * t)))
+    exact = distances_found(arm, "free-floating", Q)
+    monkeypatch.setattr(nearest, "MOST_SETTLED", 40)
+    told = []
+    along = distances_found(arm, "free-floating", Q, progress=lambda *done: told.append(done))
+    assert (along >= exact * (1.0 - 1e-6)).all()
+    assert (along <= exact + np.linalg.norm(np.diff(Q, axis=0), axis=1).sum() / 37.0).all()
+    assert along.min() == same(exact.min())
+    assert along.argmin() == exact.argmin()
+    assert told == sorted(told)
+    assert told[-1] == (1000, 1000)
 
 
 def test_where_the_task_can_never_be_done_the_distance_is_zero():
