@@ -98,6 +98,7 @@ def find_catch(
             "same time, give TIP=FRAME once for each tip.",
         ),
     ] = None,
+    mode: opt.MaybeMode = None,
     fly: Annotated[
         bool,
         typer.Option(
@@ -118,7 +119,9 @@ def find_catch(
     if by_tip and set(arm.tips) != set(by_tip):
         arm = arm.replace(tip=list(by_tip))
     told = ("grapple", "approach", "closing", "touching", "bears", "wanted", "mode")
-    asked = question(more, "start", "constraints", "search", *told, grapple=one or by_tip or None)
+    asked = question(
+        more, "start", "constraints", "search", *told, grapple=one or by_tip or None, mode=mode
+    )
     start = opt.configuration(arm, q, attitude, deg, asked.inner("start"))
     early, late = opt.numbers("--window", window, 2).tolist()
     with working("trying contacts", form=TIME_LIMIT) as progress:

@@ -329,7 +329,15 @@ class Obstacle:
         for name, value in (sound | {"twist": twist, "along": along}).items():
             object.__setattr__(self, name, value)
         if not self.parts:
-            raise ModelError(f"{self.name}: none of its links has a shape; it blocks nothing")
+            remedy = "give its links visuals or collision geometry, or leave it out"
+            if self.target is not None:
+                remedy = (
+                    "give its body a size, sa.Bus(..., size=(x, y, z)), or a file with shapes; "
+                    "constraints=sa.Constraints(collisions=False) plans without collision checks"
+                )
+            raise ModelError(
+                f"{self.name} has no shape, with which collisions could be checked; {remedy}"
+            )
 
     @property
     def moves(self) -> bool:

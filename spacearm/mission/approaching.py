@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import zip_longest
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -70,6 +71,10 @@ OFF_PLANE = 1e-6
 NO_WAY = "no straight way leads to where the tip could close in"
 #: Intervals into which the first contacts divide the window.
 TIMES = 12
+#: Parts of the window from which candidates are taken in turn.
+PARTS = 4
+#: Whether a candidate is out of reach, how much it faces away, its time [s] and its frame.
+Ranked: TypeAlias = tuple[bool, float, float, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +95,7 @@ class Approach:
     bears: Array
     constraints: Constraints
     mode: BaseMode
+    account: SearchAccount = field(default_factory=lambda: SearchAccount(math.inf))
 
     @classmethod
     def of(
@@ -104,8 +110,9 @@ class Approach:
         bears: Sequence[float],
         constraints: Constraints,
         mode: BaseMode,
+        account: SearchAccount | None = None,
     ) -> Approach:
-        """Check what was given."""
+        """Check what was given; the account has the time of the whole search."""
         arm = start.arm
         require_known("mode", mode, (FLOATING, HELD))
         if mode == FLOATING and constraints.wheels is not None and not arm.wheels:
@@ -132,7 +139,7 @@ class Approach:
             start, target, grapples, grapple, (float(early), float(late)),
             positive(approach, "approach", "distance [m]"),
             positive(closing, "closing", "speed [m/s]"), tuple(touching),
-            np.array(most), constraints, mode,
+            np.array(most), constraints, mode, account or SearchAccount(math.inf),
         )  # fmt: skip
 
     @classmethod
@@ -217,19 +224,31 @@ class Approach:
     def candidates(self) -> Iterator[list[tuple[float, str]]]:
         """Yield times and grapple frames, then those half way between, and so on.
 
-        Of each list those in reach come first whose open side faces the arm.
+        Of each list those in reach come first. The first few of a list lie in different parts of
+        the window; of each part those come first whose open side faces the arm.
         """
         early, late = self.window
         early = max(early, sum(self.duration) + 1.0)
         number = TIMES if late > early else 0
         times = np.linspace(early, late, number + 1)[: number + 1 if late >= early else 0]
         while True:
-            near = list[tuple[bool, float, float, str]]()
+            near = list[Ranked]()
             for t in times.tolist():
                 near += [(*self.rank(t, name), t, name) for name in self.choices]
-            yield [(t, name) for _, _, t, name in sorted(near)]
+            yield [(t, name) for _, _, t, name in self._spread(near)]
             number *= 2
             times = np.linspace(early, late, number + 1)[1::2]
+
+    def _spread(self, ranked: list[Ranked]) -> list[Ranked]:
+        """Return candidates in an order in which any first few are spread over the window."""
+        early, late = self.window
+        width = max(late - early, 1e-9) / PARTS
+        parts: list[list[Ranked]] = [[] for _ in range(PARTS)]
+        for one in sorted(ranked):
+            parts[min(max(int((one[2] - early) / width), 0), PARTS - 1)].append(one)
+        parts = sorted(part for part in parts if part)
+        in_turn = [one for turn in zip_longest(*parts) for one in turn if one is not None]
+        return sorted(in_turn, key=lambda one: one[0])
 
     def rank(self, t: float, grapple: str) -> tuple[bool, float]:
         """Return, of a frame at a time, what `away` does: what is tried first is the least."""
@@ -299,6 +318,7 @@ class Approach:
         stands, ends = t - float(clock[-1]), time.monotonic() + lasts
         failed = NoSolutionError(NO_WAY)
         for goal in ways:
+            self.account.check_time()
             try:
                 return self._caught(t, grapple, self._reach(goal, stands, search))
             except NoSolutionError as error:
@@ -337,7 +357,7 @@ class Approach:
         target = End(tip, None, None, 0.0, *bounds_of(start, constraints.limits))
         room = constraints.joint_rates(self.start.arm) * (t - sum(self.duration)) / PEAK
         rng = np.random.default_rng((search.seed, int(1e3 * t)))
-        account = SearchAccount(search.timeout)
+        account = self.account.part(search.timeout)
         try:
             found = ramp_ends(start, target, np.eye(3), room, rng, account)
         except TimeUpError:
@@ -351,6 +371,7 @@ class Approach:
         clear = np.minimum(clear.min(axis=1), PROVEN / MOST)
         clock = self.path(t, grapple, nodes=COARSE)[1]
         for i in np.lexsort((share, -clear)):
+            self.account.check_time()
             if share[i] <= 1.0 and not self._meets(clock, Q[i], turns[i], t):
                 yield Joints(found[i])
 
@@ -407,7 +428,7 @@ class Approach:
         poses, clock = self.path(t, grapple, reach[-1])
         chase = follow(
             reach[-1], poses[1:], times=clock[1:], at_rest=False, mode=self.mode,
-            limits=self.constraints.limits,
+            limits=self.constraints.limits, progress=self.account.tick,
         )  # fmt: skip
         self._check_chase(chase, t)
         wheels, load = self.wheels, ""
@@ -423,7 +444,7 @@ class Approach:
         try:
             brake = braked(
                 held, chase.dq[-1], grasp_of(target, t, end.tip), self.constraints.limits,
-                self.efforts, self.bears, wheels,
+                self.efforts, self.bears, wheels, self.account.check_time,
             )  # fmt: skip
         except NoSolutionError as error:
             raise NoSolutionError(f"with {target.name} in the hand, {error}") from None
@@ -450,7 +471,7 @@ class Approach:
 
     def _told(self, t: float, reach: Plan, chase: Followed, brake: Braking) -> dict[str, Any]:
         """Return what a catch at a time holds of its parts, whose torques are checked."""
-        led = load_peaks(chase).bound[: self.start.arm.n]
+        led = load_peaks(chase, check_time=self.account.check_time).bound[: self.start.arm.n]
         torque = np.maximum(led, brake.largest_torques)
         self._check_loads("torque", torque, self.efforts)
         begin = max(t - float(chase.t[-1] + reach.t[-1]), 0.0)
@@ -576,12 +597,17 @@ class Approach:
         return replace(chase, wheels=held), wheels.story(load)
 
     def settled(self, found: Catch) -> Catch:
-        """Return a catch with all that can be proven of how far singular postures are."""
+        """Return a catch with all that is proven of how far singular postures are, in the time."""
         if found.distance_proven >= PROVEN:
             return found
         known = singular_set(found.arm, mode=self.mode)
-        ways = (found.plan, found.chase)
-        clear = [known.clearance(way, at_least=PROVEN).clearance for way in ways]
+        clear = list[float]()
+        try:
+            for way in (found.plan, found.chase):
+                proof = known.clearance(way, at_least=PROVEN, progress=self.account.tick)
+                clear.append(proof.clearance)
+        except TimeUpError:
+            return found
         return replace(found, distance_proven=max(found.distance_proven, min(clear)))
 
     def _proven(self, *motions: Motion) -> float:
@@ -597,7 +623,8 @@ class Approach:
         for motion in motions:
             about = evaluate(arm, motion.q, ("distance",))["distance"].min()
             least = min(least, float(MOST * about))
-            least = min(least, known.clearance(motion, at_least=least).clearance)
+            proof = known.clearance(motion, at_least=least, progress=self.account.tick)
+            least = min(least, proof.clearance)
             if least <= 0.0:
                 raise NoSolutionError("it is not proven that the way meets no singularity")
         return least

@@ -6,6 +6,7 @@ hold its attitude and take up that momentum.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import field, replace
 
 import numpy as np
@@ -75,6 +76,7 @@ def braked(
     efforts: Array,
     bears: Array,
     wheels: Wheels | None = None,
+    check_time: Callable[[], None] | None = None,
 ) -> Braking:
     """Return the shortest braking tried that keeps limits, torques and what the grapple bears.
 
@@ -87,6 +89,7 @@ def braked(
         bears: (2,) largest force [N] and moment [N m] that the grapple bears.
         wheels: The wheels that hold the attitude, with what they hold once the joints rest; the
             spacecraft floats if None.
+        check_time: Called now and then; raises once the time is up.
 
     Raises:
         NoSolutionError: None of them does; says why.
@@ -100,6 +103,8 @@ def braked(
         )
     mode = FLOATING if wheels is None else HELD
     for duration in BRAKES:
+        if check_time is not None:
+            check_time()
         s = np.linspace(0.0, 1.0, 2 * STEPS + 1)
         q = held.q + np.outer(duration * (s - s**3 + 0.5 * s**4), dq)
         if limits and outside(arm, q[-1]):
@@ -113,7 +118,7 @@ def braked(
             break
         fits = (motion.largest_torques <= efforts).all() and (motion.borne <= bears).all()
         if fits:
-            motion = replace(motion, peaks=load_peaks(motion, body))
+            motion = replace(motion, peaks=load_peaks(motion, body, check_time))
         torque = float((motion.largest_torques / efforts).max())
         force, moment = motion.borne
         why = (

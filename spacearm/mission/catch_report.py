@@ -36,7 +36,7 @@ DAMPED, SETTLED = 0.5, 12.0
 #: What `to_dict` of a catch has under its own name.
 TOLD = (
     "arm", "grapple", "begin", "distance_proven", "place_error", "turn_error", "twist_error",
-    "torque", "momentum", "wheel_load", "tumble", "not_checked",
+    "torque", "momentum", "wheel_load", "base_rotation", "tumble", "not_checked",
 )  # fmt: skip
 
 
@@ -227,6 +227,13 @@ class Catch(Result, kw_only=True):
         return f"the wheels can hold the momentum, and take at least {least:.4g} s to take it up"
 
     @property
+    def base_rotation(self) -> float:
+        """Largest rotation of the spacecraft from the start until the joints rest [rad]."""
+        first = pin.Quaternion(self.plan.base[0, 3:])
+        bases = np.vstack([motion.base for motion in (self.plan, self.chase, self.brake)])
+        return max(first.angularDistance(pin.Quaternion(base[3:])) for base in bases)
+
+    @property
     def tumble(self) -> Array:
         """(3,) angular velocity of arm and target once the joints rest, inertial axes [rad/s]."""
         return spacecraft_twist(self.brake[-1], np.zeros(self.arm.n), self.mode)[3:]
@@ -255,6 +262,7 @@ class Catch(Result, kw_only=True):
             "largest torques": Measure(self.torque, "N m"),
             "force at the grapple": Measure(float(self.brake.borne[0]), "N"),
             "moment about it": Measure(float(self.brake.borne[1]), "N m"),
+            "largest rotation of the base": Measure(self.base_rotation, "rad"),
             "angular momentum afterwards": Measure(self.momentum[3:], "N m s"),
             "angular rate afterwards": Measure(float(np.linalg.norm(self.tumble)), "rad/s"),
         }

@@ -407,7 +407,8 @@ class HandsApproach(Approach):
             segments.append(following.timed_curve(cfg, poses, clock, at_rest=False))
         _, told = following.told_along(
             start, hands[0][0], segments[:1], 1.0, True,
-            lambda at, _: HandsCurve(at, segments, self.constraints.limits), what="first tip",
+            lambda at, _: HandsCurve(at, segments, self.constraints.limits), self.account.tick,
+            what="first tip",
         )  # fmt: skip
         return following.Followed(**told)
 
@@ -477,12 +478,13 @@ class HandsApproach(Approach):
                 lambda at, piece: TargetCurve(
                     carrying, at, piece, FLOATING, self.constraints.limits, "spacecraft"
                 ),
-                None,
+                self.account.tick,
             )  # fmt: skip
             if last.kind != "arrived":
                 after = duration * led.s[-1]
                 why = f"braking in {duration:g} s ends at a {last.kind} after {after:.3g} s"
                 break
+            self.account.check_time()
             brake = closed_braking(carrying, led, duration)
             faster = float((np.abs(brake.dq) / rates).max())
             near, (force, moment) = float(brake.closure_distance.min()), brake.borne

@@ -245,12 +245,22 @@ class Flight(Trajectory, kw_only=True):
         ends = self.begins + [run.t[-1] for run in self.phases]
         starts = zip(self.names, self.begins, ends, strict=True)
         rows = [
-            (*first, run.ended, *loads, run.imbalance, *(tip.translation for tip in run[-1].tips))
-            for first, run, loads in zip(starts, self.phases, self._loads(), strict=True)
+            (
+                *first,
+                run.ended,
+                rotation,
+                *loads,
+                run.imbalance,
+                *(tip.translation for tip in run[-1].tips),
+            )
+            for first, run, rotation, loads in zip(
+                starts, self.phases, self._rotations(), self._loads(), strict=True
+            )
         ]
         names = ("tip",) if len(arm.tips) == 1 else arm.tips
         columns: list[Column | str] = [
             "phase", Column("from", "s", ".4g"), Column("to", "s", ".4g"), "ended by",
+            Column("largest base rotation", "rad", ".3g"),
             Column("angular rate then", "rad/s", ".3g"), Column("peak force at tip", "N", ".3g"),
             Column("peak moment", "N m", ".3g"), Column("energy off by", "", ".1e"),
             *(Column(f"{n} at the end", "m") for n in names),
@@ -265,6 +275,14 @@ class Flight(Trajectory, kw_only=True):
             tables=[Table(columns, rows), *self._limit_tables()],
             events=events_table(arm, self.events),
         )
+
+    def _rotations(self) -> list[float]:
+        """Return the largest rotation of the spacecraft from its start in each phase [rad]."""
+        first = pin.Quaternion(self.phases[0].base[0, 3:])
+        return [
+            max(first.angularDistance(pin.Quaternion(base[3:])) for base in run.base)
+            for run in self.phases
+        ]
 
     def _limits(self) -> tuple[str, Tone]:
         """Say whether the limits are kept, for the verdict."""
@@ -417,7 +435,9 @@ def held_loads(
     return found.tau, np.concatenate((force, moment))
 
 
-def load_peaks(motion: Motion, body: Grasp | None = None) -> Peaks:
+def load_peaks(
+    motion: Motion, body: Grasp | None = None, check_time: Callable[[], None] | None = None
+) -> Peaks:
     """Bound the torques of a motion as `sa.Tracking` flies it, and the load on what it holds.
 
     The quantities are the torques of the n joints [N m] or [N], the force [N] and the moment [N m]
@@ -426,6 +446,7 @@ def load_peaks(motion: Motion, body: Grasp | None = None) -> Peaks:
     Args:
         motion: The motion, of the arm with the body.
         body: The body in the hand.
+        check_time: Called now and then; raises once the time is up.
     """
     arm, start, way, mode = motion.arm, motion[0], motion.spline, motion.mode
     turning = mode == FLOATING and start.momentum.any() and len(motion) > 1
@@ -434,6 +455,8 @@ def load_peaks(motion: Motion, body: Grasp | None = None) -> Peaks:
     steady = start.base.rotation
 
     def loads(t: float) -> Array:
+        if check_time is not None:
+            check_time()
         R = steady if turns is None else turns(t).as_matrix()
         cfg = kinematics(arm, way(t), pin.SE3(R, np.zeros(3)))
         cfg = cfg.with_momentum(start.momentum) if start.momentum.any() else cfg

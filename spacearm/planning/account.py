@@ -118,6 +118,14 @@ class SearchAccount:
         if elapsed > self.timeout:
             raise TimeUpError("the time is up (timeout)")
 
+    def tick(self, _done: float, _total: float) -> None:
+        """Check the time, as the `progress` of a computation that is a part of the search.
+
+        Raises:
+            TimeUpError: As `check_time` raises.
+        """
+        self.check_time()
+
     @property
     def verdict(self) -> str:
         """Which constraint stopped most attempts, and what to relax, in words."""

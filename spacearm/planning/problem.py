@@ -103,7 +103,7 @@ class Problem:
             if isinstance(goal, Joints):
                 q = joint_vector(cfg.arm, goal.q, "goal")
             elif not aims:
-                tip = _reachable(cfg, goal_pose(cfg, goal, "goal"), limits)
+                tip = _reachable(cfg, goal_pose(cfg, goal, "goal"), limits, request.account)
             target = Target(
                 tip=tip,
                 q=q,
@@ -462,16 +462,21 @@ def _check_within(arm: SpaceArm, what: str, q: Array, lower: Array, upper: Array
         )
 
 
-def _reachable(cfg: Configuration, goal: pin.SE3, limits: bool) -> pin.SE3:
+def _reachable(cfg: Configuration, goal: pin.SE3, limits: bool, account: SearchAccount) -> pin.SE3:
     """Return the goal if the stretched virtual manipulator is long enough for it.
 
     Raises:
-        ImpossibleError: It is not; carries the motion towards the goal as far as J* leads.
+        ImpossibleError: It is not; carries the motion towards the goal as far as J* leads, or the
+            start alone where the time does not suffice for it.
     """
-    if far := out_of_reach(cfg, goal):
-        line = follow(cfg, [as_goal(cfg, goal)], limits=limits)
-        raise ImpossibleError(f"impossible, proven: {far}", list(line))
-    return goal
+    far = out_of_reach(cfg, goal)
+    if not far:
+        return goal
+    best = [cfg]
+    with suppress(TimeUpError):
+        account.check_time()
+        best = list(follow(cfg, [as_goal(cfg, goal)], limits=limits, progress=account.tick))
+    raise ImpossibleError(f"impossible, proven: {far}", best)
 
 
 def _check_joints(cfg: Configuration, q: Array, target: Target) -> None:

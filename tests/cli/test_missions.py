@@ -124,10 +124,20 @@ side = {xyz = [-0.35, 0, 0], rpy = [0, 1.5707963, 0]}
 def test_a_tumbling_target_is_caught(tmp_path):
     (tmp_path / "debris.toml").write_text(TARGET)
     words = ("catch", "chaser7", 0, 0.6, 0, 1.2, 0, 0.8, 0, "--target", "debris.toml")
-    how = ("--window", "20,20", "--save", "way.npz", "--with", "wanted=1")
+    how = (
+        "--window",
+        "20,20",
+        "--save",
+        "way.npz",
+        "--with",
+        "wanted=1",
+        "--mode",
+        "free-floating",
+    )
     run = spacearm(*words, *how, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     assert "chaser7 and debris: caught by side after 20 s" in run.stdout
+    assert "largest rotation of the base" in run.stdout
     assert (tmp_path / "chaser7_catch.png").stat().st_size > 5000
     way = sa.Motion.load(tmp_path / "way.npz", sa.load("chaser7"))
     bus = sa.Bus(60, size=(0.6, 0.6, 0.8), name="debris")
@@ -157,6 +167,18 @@ def test_mistakes_of_a_target_are_named(tmp_path, text, words):
     run = spacearm("catch", "planar2", 0.3, 1.2, "--target", "debris.toml", cwd=tmp_path)
     assert run.returncode == 2
     assert words in run.stderr
+
+
+def test_the_mode_of_a_catch_is_an_option(tmp_path):
+    """One that does not exist is an error of usage."""
+    (tmp_path / "debris.toml").write_text(TARGET)
+    words = ("catch", "chaser7", *[0] * 7, "--target", "debris.toml", "--window", "1,1")
+    run = spacearm(*words, "--mode", "attitude-controlled", cwd=tmp_path)
+    assert run.returncode != 0
+    assert "earliest contact is after 9 s" in run.stderr
+    wrong = spacearm(*words, "--mode", "sideways", cwd=tmp_path)
+    assert wrong.returncode == 2
+    assert "--mode" in wrong.stderr
 
 
 def test_frames_of_several_tips_are_given_by_their_names(tmp_path):

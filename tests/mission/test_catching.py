@@ -1,7 +1,7 @@
 """Catches: contact without impact, momentum by parts, limits kept, and clear reasons why not."""
 
 from dataclasses import replace
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +13,8 @@ import spacearm as sa
 from spacearm.mission.approaching import Approach
 from spacearm.mission.braking import braked
 from spacearm.mission.catch_report import grasp_of
-from spacearm.planning.account import TimeUpError
+from spacearm.motion.flights import load_peaks
+from spacearm.planning.account import SearchAccount, TimeUpError
 
 START = np.array([0.0, 0.6, 0.0, 1.2, 0.0, 0.8, 0.0])
 RING = sa.pose((0, 0, -0.45))
@@ -387,6 +388,104 @@ def test_after_contact_wheels_take_up_what_they_can(rate, rests):
     most = np.linalg.norm(flight.tip_wrench[:, :3], axis=1).max()
     assert most == pytest.approx(catch.brake.borne[0], rel=0.1)
     assert not flight.tip_wrench[flight.t < catch.t - 1e-6].any()
+
+
+def wide(timeout=3600.0, limits=(10.0, 30.0), **fields) -> Approach:
+    """A request whose window holds several candidates."""
+    start = sa.load("chaser7").at(START)
+    return Approach.of(
+        start, tumbling(start), None, limits, 0.2, 0.05, None, (np.inf, np.inf),
+        sa.Constraints(**fields), "free-floating", SearchAccount(timeout),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("window", [(10.0, 30.0), (20.0, 60.0)])
+def test_the_first_contacts_tried_lie_in_all_parts_of_the_window(window):
+    """Those in reach: of every four the times are in as many quarters, as long as there are any."""
+    request = wide(limits=window)
+    first, second = islice(request.candidates(), 2)
+    assert len({t for t, _ in first + second}) == 25
+    for found in (first, second):
+        reached = [t for t, name in found if not request.rank(t, name)[0]]
+        assert [t for t, _ in found[: len(reached)]] == reached  # the others come last
+        quarters = [min(int(4 * (t - window[0]) / (window[1] - window[0])), 3) for t in reached]
+        there = len(set(quarters))
+        assert len(set(quarters[:there])) == there
+
+
+def test_a_search_that_ends_by_time_says_how_many_contacts_were_tried(monkeypatch):
+    """And names the limit; those tried lie in several parts of the window."""
+    seen = []
+
+    def attempt(self, t, *_):
+        seen.append(t)
+        if len(seen) == 3:
+            self.account.timeout = 0.0
+        raise sa.NoSolutionError("it does not reach")
+
+    monkeypatch.setattr(Approach, "attempt", attempt)
+    start = sa.load("chaser7").at(START)
+    search = sa.Search(timeout=1234.0)
+    words = r"timeout = 1234 s, when 3 of 25 candidates .*longer timeout"
+    with pytest.raises(sa.NoSolutionError, match=words) as failed:
+        sa.catch(start, tumbling(start), window=(10, 30), search=search)
+    assert [one.t for one in failed.value.best] == seen
+    assert len({int((t - 10.0) / 5.0) for t in seen}) == 3
+
+
+def test_a_search_that_tried_all_contacts_does_not_ask_for_more_time(monkeypatch):
+    def attempt(*_):
+        raise sa.ImpossibleError("it is out of reach")
+
+    monkeypatch.setattr(Approach, "attempt", attempt)
+    start = sa.load("chaser7").at(START)
+    with pytest.raises(sa.NoSolutionError, match="25 of 25 candidates") as failed:
+        sa.catch(start, tumbling(start), window=(10, 30))
+    assert "timeout" not in str(failed.value)
+    assert "and 24 more" in str(failed.value)
+
+
+def test_a_try_ends_with_the_time_of_the_whole_call(caught):
+    """Each of its long computations: leading the tip, the proof, the bounds, the braking."""
+    request = wide(timeout=1e-9)
+    chase, account = caught.chase, request.account
+    reach = caught.plan
+    with pytest.raises(TimeUpError):
+        request._caught(caught.t, caught.grapple, reach)
+    with pytest.raises(TimeUpError):
+        request._proven(reach, chase)
+    with pytest.raises(TimeUpError):
+        load_peaks(chase, check_time=account.check_time)
+    with pytest.raises(TimeUpError):
+        request.attempt(caught.t, caught.grapple, iter([sa.Joints(START)]), STRAIGHT, 0.0)
+    near = replace(caught, distance_proven=1e-3)
+    assert request.settled(near) is near
+    search = replace(STRAIGHT, timeout=1e-9)
+    with pytest.raises(sa.NoSolutionError, match="0 of 1 candidates"):
+        sa.catch(caught.plan[0], caught.target, window=(10, 10), search=search)
+
+
+def test_a_target_without_size_is_caught_where_collisions_are_left_out():
+    """Else the message names the remedy."""
+    start = sa.load("chaser7").at(START)
+    bare = sa.Bus(60.0, inertia=np.diag((4.0, 5.0, 6.0)), name="debris")
+    target = sa.Target(bare, tumbling(start).pose, grapples={"ring": RING})
+    with pytest.raises(sa.ModelError, match=r"debris has no shape.*size=.*collisions=False"):
+        sa.catch(start, target, window=(10, 10), search=STRAIGHT)
+
+
+def test_how_far_the_base_rotates_is_said(caught):
+    """By the attitudes of all parts of the way."""
+    first = caught.plan[0].base.rotation
+    turns = [
+        np.linalg.norm(pin.log3(first.T @ cfg.base.rotation))
+        for motion in (caught.plan, caught.chase, caught.brake)
+        for cfg in motion
+    ]
+    assert caught.base_rotation == pytest.approx(max(turns), abs=1e-9)
+    facts = dict(caught.describe().tables[0].rows)
+    assert facts["largest rotation of the base"].value == caught.base_rotation
+    assert caught.to_dict()["base_rotation"] == caught.base_rotation
 
 
 def test_time_that_ends_while_straight_ways_are_sought_is_no_error_of_its_own(monkeypatch):

@@ -138,3 +138,18 @@ def test_limits_hold_at_every_instant():
     rates = np.abs(np.diff(plan.q, axis=0)) / np.diff(plan.t)[:, None]
     limits = [arm.tree.joints[name].velocity for name in arm.joint_names]
     assert (rates <= np.array(limits) * (1.0 + 1e-9)).all()
+
+
+def test_a_goal_out_of_reach_is_refused_within_the_time():
+    """The motion towards it, which the error carries, ends where the time does."""
+    start = sa.load("planar2").at([0.3, 1.2])
+    for timeout, moves in ((1e-9, False), (3600.0, True)):
+        with pytest.raises(sa.ImpossibleError, match="comes no farther") as refused:
+            sa.plan(start, (9.0, 1.4), search=sa.Search(timeout=timeout))
+        assert (len(refused.value.best) > 1) == moves
+
+
+def test_a_plan_that_is_not_found_in_time_names_the_limit():
+    start = sa.load("planar2").at([0.3, 1.2])
+    with pytest.raises(sa.NoSolutionError, match=r"\(timeout 1e-09 s\)"):
+        sa.plan(start, (0.9, 1.4), search=sa.Search(timeout=1e-9))

@@ -77,7 +77,8 @@ def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]
     if not account.ended:
         problem.require_side()
     rounds = f"{account.rounds + 1} rounds" if account.rounds else "1 round"
-    parts = (f"no plan found in {account.elapsed:.1f} s, {rounds}", account.verdict, attempts.told)
+    time = f"{account.elapsed:.1f} s (timeout {account.timeout:.3g} s)"
+    parts = (f"no plan found in {time}, {rounds}", account.verdict, attempts.told)
     raise account.failure(
         f"{problem.start.arm.name}: {'. '.join(filter(None, parts))}",
         best_attempt(problem.start, problem.best or attempts.best, attempts.stories),
