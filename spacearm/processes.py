@@ -1,9 +1,13 @@
-"""Worker processes of this machine, which call functions of this package.
+"""Memory that is free for this process, and worker processes that call functions of this package.
 
-A process gets a function with its arguments, and answers with reports of progress and, at the
-end, the result or the error, in pickles between this package's own processes. It is then told the
-next one. It ends at once when its input does, as when the main program is killed. Nothing of the
-main program runs in it, and nothing in the current folder is imported.
+A computation whose arrays grow with its arguments asks `check_memory` before it allocates them. A
+reader whose memory is not bounded by the size of its file runs in a worker process that may take
+`memory_limit()`, see `call_within`.
+
+A worker process gets a function with its arguments, and answers with reports of progress and, at
+the end, the result or the error, in pickles between this package's own processes. It is then told
+the next one. It ends at once when its input does, as when the main program is killed. Nothing of
+the main program runs in it, and nothing in the current folder is imported.
 
 `concurrent.futures.ProcessPoolExecutor` is not used: it cannot end a call that is under way, and
 when one of its workers is killed, for lack of memory for example, all calls are lost.
@@ -11,6 +15,7 @@ when one of its workers is killed, for lack of memory for example, all calls are
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import queue
@@ -21,9 +26,10 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import Any, BinaryIO, NoReturn, TypeVar
 
-from spacearm.errors import SpaceArmError
+from spacearm.errors import ConfigurationError, SpaceArmError
 
 T = TypeVar("T")
 Progress = Callable[[float, float], object]
@@ -38,6 +44,141 @@ COMMAND = (
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 #: Least time between two reports of progress [s].
 PACE = 0.1
+#: Memory that reading one file may take if `VARIABLE` is not set [bytes].
+LIMIT = 1e9
+#: Environment variable that sets this limit [GB].
+VARIABLE = "SPACEARM_MEMORY"
+#: Fraction of the free memory that one computation may allocate.
+USABLE = 0.8
+#: Memory that is left to other computations without a check [bytes].
+NEGLIGIBLE = 5e7
+
+PROC = Path("/proc")
+CGROUPS = Path("/sys/fs/cgroup")
+#: Files of a control group that hold its limit and its use [bytes], of versions 2 and 1.
+CGROUP_FILES = (
+    ("memory.max", "memory.current"),
+    ("memory.limit_in_bytes", "memory.usage_in_bytes"),
+)
+
+
+# --- memory --------------------------------------------------------------------------------------
+
+
+def memory_limit() -> float:
+    """Return the memory that reading one file may take [bytes].
+
+    Raises:
+        ConfigurationError: The environment variable is not a positive number.
+    """
+    text = os.environ.get(VARIABLE, "")
+    if not text.strip():
+        return LIMIT
+    with suppress(ValueError):
+        gigabytes = float(text)
+        if 0.0 < gigabytes < math.inf:
+            return gigabytes * 1e9
+    raise ConfigurationError(
+        f"the environment variable {VARIABLE} is {text[:60]!r}; set it to a positive number of GB, "
+        f"such as {VARIABLE}=4"
+    )
+
+
+def free_memory() -> float:
+    """Return the memory that this process can still allocate [bytes].
+
+    It is the least of what the machine has available, what the control groups of the process leave
+    (containers) and what its limit of address space leaves; infinite where none of them is known.
+    """
+    return min(_of_machine(), _of_cgroups(), _of_address_space())
+
+
+def check_memory(need: float, what: str, remedy: str) -> None:
+    """Refuse a computation that needs more memory than is free, before it is allocated.
+
+    Args:
+        need: Memory that it needs [bytes].
+        what: The computation, subject of the message.
+        remedy: What to change so that it needs less.
+
+    Raises:
+        SpaceArmError: It needs more than `USABLE` of what is free.
+    """
+    if need <= NEGLIGIBLE:
+        return
+    usable = USABLE * free_memory()
+    if need > usable:
+        raise SpaceArmError(
+            f"{what} needs {need / 1e9:.3g} GB of memory, and {usable / 1e9:.3g} GB can be used; "
+            f"{remedy}"
+        )
+
+
+def _of_machine() -> float:
+    """Return the memory that the machine has available [bytes]; infinite if it is not known."""
+    with suppress(OSError, ValueError, IndexError):
+        return 1024.0 * _field(PROC / "meminfo", "MemAvailable")
+    with suppress(OSError, ValueError, AttributeError):  # macOS states only what is installed
+        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    return math.inf
+
+
+def _of_cgroups() -> float:
+    """Return what the control groups of this process leave [bytes]; infinite without a limit."""
+    left = math.inf
+    with suppress(OSError):
+        for line in (PROC / "self/cgroup").read_text(encoding="utf-8").splitlines():
+            _, controllers, path = line.split(":", 2)
+            if controllers and "memory" not in controllers.split(","):
+                continue
+            root = CGROUPS / ("memory" if controllers else "")
+            group = root / path.strip("/")
+            # in a container the path may be that of the host: then the root is the group
+            for folder in (group, *group.parents):
+                if folder == root or root in folder.parents:
+                    left = min(left, _of_cgroup(folder))
+    return left
+
+
+def _of_cgroup(folder: Path) -> float:
+    """Return what one control group leaves [bytes]; infinite without a limit."""
+    for largest, used in CGROUP_FILES:
+        with suppress(OSError, ValueError):
+            bound = float((folder / largest).read_text(encoding="ascii"))
+            taken = float((folder / used).read_text(encoding="ascii"))
+            cached = 0.0  # files in memory that the system gives up when memory is needed
+            with suppress(OSError, ValueError, IndexError):
+                cached = _field(folder / "memory.stat", "inactive_file")
+            return max(bound - taken + cached, 0.0)
+    return math.inf
+
+
+def address_space() -> float:
+    """Return the address space that this process uses [bytes]; 0 if it is not known."""
+    with suppress(OSError, ValueError, IndexError):
+        return 1024.0 * _field(PROC / "self/status", "VmSize")
+    return 0.0
+
+
+def _of_address_space() -> float:
+    """Return what the limit of address space leaves [bytes]; infinite without a limit."""
+    with suppress(ImportError):  # Windows has no such limit
+        import resource
+
+        largest, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if largest != resource.RLIM_INFINITY:
+            return max(largest - address_space(), 0.0)
+    return math.inf
+
+
+def _field(file: Path, name: str) -> float:
+    """Return the number behind a name at the beginning of a line of a file."""
+    lines = file.read_text(encoding="ascii").splitlines()
+    words = next((line.replace(":", " ").split() for line in lines if line.startswith(name)), [])
+    return float(words[1])
+
+
+# --- worker processes ----------------------------------------------------------------------------
 
 
 class WorkerError(Exception):
@@ -121,7 +262,8 @@ def call_within(seconds: float, memory: float, function: Callable[[], T]) -> T:
 
     Args:
         seconds: The time that it may take, that of starting the process included [s].
-        memory: The memory that it may take [bytes]; where the system sets no such limit, any.
+        memory: The memory that it may take beyond that of the process when the call begins
+            [bytes]; where the system sets no such limit, any.
         function: The function with its arguments.
 
     Raises:
@@ -145,12 +287,13 @@ def call_within(seconds: float, memory: float, function: Callable[[], T]) -> T:
 
 
 def _limited(memory: float, function: Callable[[], T]) -> T:
-    """Call a function with a limit of memory [bytes]."""
+    """Call a function with a limit of the memory [bytes] that it takes."""
     with suppress(ImportError):  # Windows has no such limits
         import resource
 
         _, most = resource.getrlimit(resource.RLIMIT_AS)
-        whole = int(memory) if most == resource.RLIM_INFINITY else min(int(memory), most)
+        whole = int(address_space() + memory)
+        whole = whole if most == resource.RLIM_INFINITY else min(whole, most)
         resource.setrlimit(resource.RLIMIT_AS, (whole, most))
     return function()
 

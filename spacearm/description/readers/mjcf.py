@@ -32,6 +32,10 @@ from spacearm.errors import ModelError
 if TYPE_CHECKING:
     import mujoco
 
+#: What MuJoCo says when it gets no memory.
+OUT_OF_MEMORY = ("Could not allocate memory", "bad_alloc", "unknown exception")
+#: Stands for a size that MuJoCo chooses by itself.
+DEFAULT_SIZE = -1
 #: Share by which rounding may move the compiled inertia from the given one (MuJoCo 3: 1e-6).
 SAME_INERTIA = 1e-5
 
@@ -55,7 +59,12 @@ def read(source: Source, root: etree._Element) -> Tree:
 
 
 def _compiled(source: Source) -> Tree:
-    """Have MuJoCo compile a file, and read the model."""
+    """Have MuJoCo compile a file, and read the model.
+
+    Raises:
+        ModelError: MuJoCo refuses the file, or it holds no robot.
+        MemoryError: MuJoCo takes more memory than there is.
+    """
     import mujoco
 
     try:
@@ -67,6 +76,8 @@ def _compiled(source: Source) -> Tree:
         raise
     except (ValueError, OSError, RuntimeError, mujoco.FatalError) as error:
         why = " ".join(str(error).split())
+        if any(text in why for text in OUT_OF_MEMORY):
+            raise MemoryError(why) from None
         part = ", or load the file that includes this one" * ("unrecognized element" in why)
         source.fail(f"cannot be compiled by MuJoCo ({why})", f"correct it there{part}")
 
@@ -84,6 +95,7 @@ class _Reader:
         spec.compiler.discardvisual = False
         spec.compiler.fusestatic = False
         spec.compiler.alignfree = False
+        spec.memory = spec.njmax = spec.nconmax = DEFAULT_SIZE  # of simulations, which are not run
         for joint in spec.joints:
             joint.align = 0
         self._model = spec.compile()

@@ -21,14 +21,20 @@ from spacearm.files import marked_encoding, named_files, read
 MOST_ELEMENTS = 100_000
 #: Largest number of numbers or bytes that one element may ask for.
 MOST_NUMBERS = 10_000_000
-#: Elements, numbers of an element, and bytes of the files that are named, of a small MJCF.
-FEW_ELEMENTS, FEW_NUMBERS, FEW_BYTES = 2_000, 1_000_000, 50_000_000
+#: Elements, numbers of all elements, and bytes of the files that are named, of a small MJCF.
+FEW_ELEMENTS, FEW_NUMBERS, FEW_BYTES = 2_000, 1_000_000, 5_000_000
 #: Largest number of MJCF files that one is made of.
 MOST_FILES = 200
 #: Elements that stand for as many as their `count`, or the product of its three.
 GENERATED = {"composite", "flexcomp"}
 #: Attributes whose product is a number of numbers.
 ASKED = {"hfield": ("nrow", "ncol"), "texture": ("width", "height"), "numeric": ("size",)}
+#: Begins the attributes of <size> that are a number of numbers of each element.
+EACH = "nuser_"
+#: Meshes that MuJoCo makes whose third parameter is an angle or a ratio.
+ANGULAR = ("wedge", "supersphere", "supertorus")
+#: Numbers that MuJoCo keeps for each vertex of a mesh that it makes.
+NUMBERS_PER_VERTEX = 20
 FOLDERS = ("assetdir", "meshdir", "texturedir")
 #: Elements that name further MJCF files, and those whose files are deleted before they are opened.
 PARTS, DELETED = ("include", "model"), ("texture", "hfield", "skin")
@@ -56,11 +62,17 @@ def check_bounds(source: Source, root: etree._Element) -> bool:
     bounds.check_encoding(read(source.path), root)
     total = bounds.elements(root, source.path.resolve())
     size = bounds.size()  # of every file: it refuses some
-    return total <= FEW_ELEMENTS and bounds.most <= FEW_NUMBERS and size <= FEW_BYTES
+    numbers = bounds.numbers + bounds.each * total
+    return total <= FEW_ELEMENTS and numbers <= FEW_NUMBERS and size <= FEW_BYTES
 
 
 class _Bounds:
-    """What a file asks for, with those that it includes."""
+    """What a file asks for, with those that it includes.
+
+    Attributes:
+        numbers: Numbers that its elements ask for, together.
+        each: Numbers that it asks for in each element.
+    """
 
     def __init__(self, source: Source) -> None:
         self._source = source
@@ -69,7 +81,8 @@ class _Bounds:
         self._meshes: set[str] = set()
         self._parts: set[str] = set()
         self._count = 0
-        self.most = 0.0
+        self.numbers = 0.0
+        self.each = 0.0
 
     def elements(self, root: etree._Element, *paths: Path) -> float:
         """Return the number of elements of a file, copies and attached models among them.
@@ -162,21 +175,48 @@ class _Bounds:
             self._source.fail(f"is encoded as {encoding!r}", "save it as UTF-8")
 
     def _check_numbers(self, element: etree._Element) -> None:
+        """Add the numbers that an element asks for; refuse too many."""
         tag = str(element.tag)
-        names = [(name,) for name in element.attrib] if tag == "size" else [ASKED.get(tag, ())]
-        for attributes in names:
-            asked = math.prod(_product(element, name) for name in attributes)
-            self.most = max(self.most, asked)
-            if asked > MOST_NUMBERS:
+        if tag == "mesh":
+            asked = {"params": NUMBERS_PER_VERTEX * _vertices(element)}
+        elif tag == "size":
+            asked = {name: _product(element, name) for name in element.attrib}
+            self.each += sum(count for name, count in asked.items() if name.startswith(EACH))
+        elif names := ASKED.get(tag):
+            asked = {", ".join(names): math.prod(_product(element, name) for name in names)}
+        else:
+            asked = {}
+        self.numbers += sum(asked.values())
+        for attributes, count in asked.items():
+            if count > MOST_NUMBERS:
                 self._source.fail(
-                    f"<{tag}> asks for {asked:g} numbers by {', '.join(attributes)}",
+                    f"<{tag}> asks for {count:g} numbers by {attributes}",
                     f"ask for at most {MOST_NUMBERS:,}",
                 )
 
 
+def _vertices(mesh: etree._Element) -> float:
+    """Return an upper bound of the number of vertices of a mesh that MuJoCo makes; 0 for a file.
+
+    Its first parameters are numbers of divisions: one for each of two or three directions, or one
+    for all.
+    """
+    shape = mesh.get("builtin", "none")
+    if shape == "none":
+        return 0.0
+    first, second, third = ([*_numbers(mesh, "params"), 1.0, 1.0, 1.0])[:3]
+    third = 1.0 if shape in ANGULAR else third
+    return first * max(first, second) * third
+
+
 def _product(element: etree._Element, name: str) -> float:
     """Return the product of the numbers of an attribute; 1 if it has none, for MuJoCo to refuse."""
+    return math.prod(_numbers(element, name))
+
+
+def _numbers(element: etree._Element, name: str) -> list[float]:
+    """Return the numbers of an attribute, at least 1 each; none if it is not of numbers."""
     try:
-        return math.prod(max(1.0, float(word)) for word in element.get(name, "").split())
+        return [max(1.0, float(word)) for word in element.get(name, "").split()]
     except ValueError:
-        return 1.0
+        return []

@@ -24,7 +24,7 @@ from spacearm.description.readers.packages import OutsideError, Packages
 from spacearm.description.shapes import TURNED, Mesh, Shape, Unusable, Visuals
 from spacearm.errors import ConfigurationError, ModelError, ModelWarning, listed, warn
 from spacearm.files import decoded, marked_encoding, read, xml
-from spacearm.processes import WorkerError, call_within
+from spacearm.processes import VARIABLE, WorkerError, call_within, memory_limit
 
 #: Characters of numbers with pi, + - * / and parentheses, as SPART's files write their numbers.
 ARITHMETIC = re.compile(r"[\d.e+*/() pi-]{1,200}", re.ASCII)
@@ -455,8 +455,8 @@ def _filled(filler: bytes, found: re.Match[bytes]) -> bytes:
 
 T = TypeVar("T")
 
-#: What reading a file that is not small may take: time [s], address space [bytes].
-SECONDS, MEMORY = 60.0, 4e9
+#: Time that reading a file in a process of its own may take [s].
+SECONDS = 60.0
 
 
 def apart(source: Source, read_it: Callable[[Source], T]) -> T:
@@ -469,13 +469,14 @@ def apart(source: Source, read_it: Callable[[Source], T]) -> T:
     Raises:
         ModelError: It cannot be read, or takes more.
     """
+    memory = memory_limit()
     try:
-        found, source.notes, warned = call_within(SECONDS, MEMORY, partial(_read, source, read_it))
+        found, source.notes, warned = call_within(SECONDS, memory, partial(_read, source, read_it))
     except WorkerError as error:
         source.fail(
-            f"is large, and is not read in {SECONDS:g} s and {MEMORY / 1e9:g} GB of memory "
+            f"is large, and is not read in {SECONDS:g} s and {memory / 1e9:g} GB of memory "
             f"({error})",
-            "leave out what is not needed",
+            f"leave out what is not needed, or set the environment variable {VARIABLE} to more GB",
         )
     for text in warned:
         warn(text)

@@ -1,0 +1,66 @@
+"""Free memory, and what is refused before it is allocated."""
+
+import math
+
+import pytest
+from helpers.memory import run_within
+
+import spacearm as sa
+from spacearm import processes
+
+resource = pytest.importorskip("resource")
+
+
+def test_free_memory_is_what_the_limit_of_address_space_leaves():
+    said, _ = run_within(
+        0.5, "from spacearm import processes; print(processes.free_memory() / 1e6)"
+    )
+    assert 0.0 < float(said) < 500.0
+    assert processes.free_memory() > 0.0
+
+
+def test_free_memory_is_what_a_container_leaves(tmp_path, monkeypatch):
+    proc, groups = tmp_path / "proc", tmp_path / "cgroup"
+    inner = groups / "outer" / "inner"
+    inner.mkdir(parents=True)
+    (proc / "self").mkdir(parents=True)
+    monkeypatch.setattr(processes, "PROC", proc)
+    monkeypatch.setattr(processes, "CGROUPS", groups)
+    (proc / "meminfo").write_text("MemTotal: 9000000 kB\nMemAvailable: 4000000 kB\n")
+    (proc / "self" / "cgroup").write_text("0::/outer/inner\n")
+    assert processes.free_memory() == 4000000 * 1024
+    (groups / "outer" / "memory.max").write_text("3000000000\n")
+    (groups / "outer" / "memory.current").write_text("2500000000\n")
+    (inner / "memory.max").write_text("max\n")
+    (inner / "memory.current").write_text("2000000000\n")
+    assert processes.free_memory() == 5e8
+    (groups / "outer" / "memory.stat").write_text("anon 7\ninactive_file 200000000\n")
+    assert processes.free_memory() == 7e8
+    version1 = groups / "memory" / "job"
+    version1.mkdir(parents=True)
+    (version1 / "memory.limit_in_bytes").write_text("600000000\n")
+    (version1 / "memory.usage_in_bytes").write_text("500000000\n")
+    (proc / "self" / "cgroup").write_text("9:cpu:/job\n5:memory:/job\n")
+    assert processes.free_memory() == 1e8
+
+
+def test_what_needs_more_than_is_free_is_refused_with_need_and_remedy(monkeypatch):
+    monkeypatch.setattr(processes, "free_memory", lambda: 1e9)
+    processes.check_memory(7e8, "a map", "use fewer cells")
+    with pytest.raises(sa.SpaceArmError, match=r"a map needs 9 GB .* 0\.8 GB .*; use fewer cells"):
+        processes.check_memory(9e9, "a map", "use fewer cells")
+    with pytest.raises(sa.SpaceArmError, match="needs inf GB"):
+        processes.check_memory(math.inf, "a map", "use fewer cells")
+
+
+@pytest.mark.parametrize(("text", "found"), [("", 1e9), ("4", 4e9), (" 0.5 ", 5e8)])
+def test_the_limit_of_a_reader_is_that_of_the_environment(monkeypatch, text, found):
+    monkeypatch.setenv("SPACEARM_MEMORY", text)
+    assert processes.memory_limit() == found
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "inf", "nan", "1e999", "much", "1 GB"])
+def test_a_limit_that_is_no_number_of_gigabytes_is_refused(monkeypatch, text):
+    monkeypatch.setenv("SPACEARM_MEMORY", text)
+    with pytest.raises(sa.ConfigurationError, match=r"SPACEARM_MEMORY is .*positive number of GB"):
+        processes.memory_limit()
