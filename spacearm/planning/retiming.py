@@ -22,7 +22,7 @@ from spacearm.planning.problem import ROUNDING, beyond_limits, contact_as_flown
 from spacearm.planning.reactions import Wheels, load_of
 from spacearm.planning.result import Plan
 from spacearm.planning.strategies.attitude_held import slowed
-from spacearm.planning.timing import corners, for_each_joint, largest_rates
+from spacearm.planning.timing import corners, for_each_joint, largest_rates, rate_bounds
 from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.sets import prove_way
@@ -211,6 +211,8 @@ def time_optimal(
     for divided in DIVIDED:
         pieces = smooth_pieces(motion.q, divided)
         timed = _timed(motion, pieces, [_fastest(piece, limits, rise) for piece in pieces])
+        over = float((rate_bounds(timed.spline) / limits.rate).max())
+        timed = replace(timed, t=timed.t * max(1.0, over))
         if holds is not None:
             timed = replace(timed, **slowed(timed.arm, timed.t, timed.q, holds))
         broken = _broken(motion, timed)

@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BSpline, PPoly, make_interp_spline
+from scipy.interpolate import BPoly, BSpline, PPoly, make_interp_spline
 from scipy.special import betaincinv
 
 from spacearm.arrays import Array, ArrayLike, Integers, finite
@@ -18,6 +18,8 @@ from spacearm.model.arm import SpaceArm
 UNLIMITED = 0.5
 #: Largest rate of a motion from rest to rest along 10 u^3 - 15 u^4 + 6 u^5, over its mean.
 PEAK = 1.875
+#: Parts of each piece of a spline on which its rates are bounded.
+PARTS = 4
 #: Rows between which the direction changes by more than this are a corner [rad].
 CORNER = 0.3
 
@@ -26,7 +28,8 @@ def rest_to_rest_times(q: Array, rates: Array) -> Array:
     """Return the times (m,) at which a motion from rest to rest passes its rows (m, n) [s].
 
     The joint that is slowest for its velocity limit sets the pace of every segment. The joints come
-    to rest at corners too.
+    to rest at corners too. The times are stretched until the spline through the rows, which is what
+    is followed, keeps the rates everywhere.
 
     Args:
         q: (m, n) joint positions, the rows.
@@ -40,7 +43,25 @@ def rest_to_rest_times(q: Array, rates: Array) -> Array:
         piece = along[first : last + 1] - along[first]
         u = betaincinv(3.0, 3.0, piece / max(piece[-1], 1e-12))  # the inverse of `eased`
         t[first : last + 1] = t[first] + PEAK * piece[-1] * u
-    return t
+    if t[-1] == 0.0:
+        return t
+    still = np.zeros(q.shape[1])
+    return t * max(1.0, (rate_bounds(flown_spline(t, q, still)) / rates).max())
+
+
+def rate_bounds(spline: PPoly) -> Array:
+    """Return upper bounds (n,) of the rates along a spline [rad/s] or [m/s].
+
+    They are the largest Bernstein coefficients of the derivative on parts of its pieces, in whose
+    convex hull it lies.
+    """
+    ends = spline.x
+    parts = np.arange(PARTS) / PARTS
+    knots = np.append((ends[:-1, None] + np.diff(ends)[:, None] * parts).ravel(), ends[-1])
+    degree = len(spline.c) - 1
+    slopes = [spline(knots[:-1], i + 1) / math.factorial(i) for i in reversed(range(degree))]
+    rates = BPoly.from_power_basis(PPoly(np.array(slopes), knots)).c
+    return np.asarray(np.abs(rates).max(axis=(0, 1)))
 
 
 def flown_spline(t: Array, q: Array, final_rates: Array, rests: Integers | None = None) -> PPoly:

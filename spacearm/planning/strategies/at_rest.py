@@ -28,6 +28,7 @@ from spacearm.planning.problem import Problem, Rows, travel
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.resolved_motion import Aim, Bias, Resolved, reactionless
+from spacearm.planning.timing import rate_bounds
 from spacearm.planning.tree import BOXES
 
 #: Name of the method that comes before the others where the attitude is to be kept.
@@ -86,10 +87,10 @@ def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]
 
 
 def paced(found: Plan, rates: Array) -> Plan:
-    """Return a plan at zero momentum slowed down until its joints keep their rates (n,)."""
+    """Return a plan at zero momentum, slowed down until its spline keeps the joint rates (n,)."""
     if len(found) == 1:
         return found
-    over = (np.abs(np.diff(found.q, axis=0)) / np.diff(found.t)[:, None] / rates).max()
+    over = (rate_bounds(found.spline) / rates).max()
     return replace(found, t=found.t * over) if over > 1.0 else found
 
 

@@ -36,7 +36,7 @@ from spacearm.planning.problem import Problem, contact_as_flown
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.at_rest import at_rest
-from spacearm.planning.timing import PEAK, eased, swing
+from spacearm.planning.timing import PEAK, eased, rate_bounds, swing
 
 #: Time for a motion over that at zero momentum, where none is asked for: bent ways are longer.
 SLACK = 1.2
@@ -223,8 +223,7 @@ class Drift:
         found = problem.plan(self.attempts.method, rows, self.request, **at)
         self.best = found = landed(found)
         problem.check(found)
-        steps = np.vstack((np.diff(found.q, axis=0) / np.diff(t)[:, None], rates))
-        over = np.abs(steps).max(axis=0) / problem.rates
+        over = rate_bounds(found.spline) / problem.rates
         if over.max() > 1.0:
             self._lasts *= 1.0 if self.request.duration else float(over.max())
             name = found.arm.joint_names[int(over.argmax())]
