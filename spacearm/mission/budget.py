@@ -60,11 +60,13 @@ class MomentumBudget(Result):
             [rad/s].
         drift: (6,) twist of the tip while the joints are locked [m/s], [rad/s], inertial axes.
         rates: (n,) joint rates that hold the tip in the task's rows at first [rad/s] or [m/s].
-        holds: How long these hold the tip [s]; at most `horizon`.
+        holds: How long the joints hold the tip by least rates [s]; at most `horizon`. With more
+            joints than task components another motion may hold it longer: a lower bound.
         ended: What ends it: "horizon", "singularity", "joint limit" or "cannot" where J* lacks the
             direction of the drift at once.
         holding: The motion that holds the tip; of one sample where it cannot.
-        carries: How long the arm can carry all of the momentum, the spacecraft at rest [s].
+        carries: How long the arm carries all of the momentum by least rates, the spacecraft at rest
+            [s]. Another motion may carry it longer: a lower bound of what the arm can do.
         carrying_ended: What ends that: "horizon", "joint limit" or "cannot" where no joint rates
             have this momentum (or none any more).
         carrying: The motion that does so; of one sample where there is none.
@@ -90,17 +92,24 @@ class MomentumBudget(Result):
         still = (
             "the arm cannot hold the tip"
             if self.ended == "cannot"
-            else f"the arm holds the tip for {self.holds:.4g} s ({self.ended})"
+            else f"the arm holds the tip for {self._longer}{self.holds:.4g} s ({self.ended})"
         )
         rest = (
             "it cannot bring the spacecraft to rest"
             if self.carrying_ended == "cannot" and self.carries == 0.0
-            else f"it keeps the spacecraft at rest for {self.carries:.4g} s ({self.carrying_ended})"
+            else f"it keeps the spacecraft at rest for at least {self.carries:.4g} s "
+            f"({self.carrying_ended})"
         )
         return (
-            f"Joints locked, all turns at {turn:.4g}°/s; {still}, {rest}. No motion of the arm "
-            "takes the momentum away: that takes thrusters, or wheels with this momentum."
+            f"Joints locked, the system rotates at {turn:.4g}°/s; {still}, {rest}. No motion of "
+            "the arm removes the momentum: that takes thrusters, or wheels with this capacity."
         )
+
+    @property
+    def _longer(self) -> str:
+        """The words before a time that another motion may exceed."""
+        arm = self.configuration.arm
+        return "at least " if arm.n > arm.task.k else ""
 
     not_checked = "collisions, joint rates"
 
@@ -115,9 +124,9 @@ class MomentumBudget(Result):
             **{
                 f"{name} to hold the tip": x for name, x in zip(arm.joint_names, rates, strict=True)
             },
-            "tip held for": Measure(self.holds, "s"),
+            f"tip held for {self._longer}".rstrip(): Measure(self.holds, "s"),
             "tip held until": self.ended,
-            "spacecraft at rest for": Measure(self.carries, "s"),
+            "spacecraft at rest for at least": Measure(self.carries, "s"),
             "spacecraft at rest until": self.carrying_ended,
         }
         return Description(
@@ -138,7 +147,9 @@ def momentum_budget(
     """Compute what momentum on board does to a posture, and how long the arm can compensate for it.
 
     Detumbling by the arm alone does not exist: joint torques are internal, and the angular momentum
-    stays. The arm can hold its tip, or keep the spacecraft at rest, for a while.
+    stays. The arm can hold its tip, or keep the spacecraft at rest, for a while. Both times are
+    those of the motion with the least joint rates at each instant; they are lower bounds where
+    other motions do the same (see `MomentumBudget`).
 
     Args:
         cfg: The posture and the momentum, which must be angular: linear momentum moves everything

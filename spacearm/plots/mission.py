@@ -283,7 +283,7 @@ def draw_budget(result: MomentumBudget, panels: Any) -> None:
         (
             panels[1],
             result.carrying,
-            f"spacecraft at rest for {result.carries:.4g} s: {result.carrying_ended}",
+            f"spacecraft at rest for at least {result.carries:.4g} s: {result.carrying_ended}",
         ),
     ):
         style.draw_curves(axes, run.t, run.q, run.arm.joint_names)

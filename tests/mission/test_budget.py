@@ -97,6 +97,26 @@ def test_the_spacecraft_rests_while_the_arm_carries_the_momentum(planar):
     np.testing.assert_allclose(sa.reaction(run).momentum[2:-2, 2], 0.5, rtol=2e-3, atol=0)
 
 
+def test_the_time_that_the_arm_carries_the_momentum_is_a_lower_bound(planar):
+    """With rates that weigh the joints otherwise the arm carries the same momentum longer."""
+    cfg, found = planar.configuration, planar.carries
+    arm = cfg.arm
+    assert f"at least {found:.4g} s" in planar.verdict
+
+    def lasts(weights):
+        q, t, h = cfg.q, 0.0, H[5]
+        while t < 2.0 * found:
+            D_q = sa.momentum_matrix(arm.at(q)).A_q[5]
+            dq = weights * D_q * h / (weights * D_q @ D_q)
+            dt = 2e-3 / np.abs(dq).max()
+            q, t = q + dt * dq, t + dt
+            if (q < arm.lower).any() or (q > arm.upper).any() or dt < 1e-6:
+                break
+        return t
+
+    assert max(lasts(np.array([w, 1.0 - w])) for w in (0.02, 0.98)) > 1.02 * found
+
+
 def turned_along(motion, h):
     """The turn of the spacecraft [rad] with momentum h, the joints moving along straight lines."""
     R, most = np.eye(3), 0.0
@@ -150,7 +170,6 @@ def test_an_arm_that_cannot_carry_it_says_no():
     assert found.carrying_ended == "cannot"
     assert found.carries == 0.0
     assert "cannot bring the spacecraft to rest" in found.verdict
-    assert "No motion of the arm takes the momentum away" in found.verdict
 
 
 def test_bad_input():
