@@ -25,6 +25,7 @@ from typing import Any, Union
 import numpy as np
 
 from spacearm.compiler.operations import MASKS, OPERATIONS, folded
+from spacearm.errors import UnsupportedError
 
 #: An expression, or a number that is known while tracing.
 Operand = Union["Expression", float]
@@ -32,6 +33,14 @@ Operand = Union["Expression", float]
 
 class TracingError(TypeError):
     """A function did with symbols what cannot be traced, such as branching on their values."""
+
+
+class LongTapeError(UnsupportedError):
+    """A function takes more operations than are compiled."""
+
+
+#: Most expressions of a tape. Tracing and compiling so many takes seconds and half a gigabyte.
+LONGEST = 100_000
 
 
 class Tape:
@@ -60,11 +69,19 @@ class Tape:
         """Return an operation, the one that stands here already if there is one.
 
         The operands are numbers of Python, and expressions of this tape or the shared one.
+
+        Raises:
+            LongTapeError: The tape has `LONGEST` expressions.
         """
         inputs = [o.key if isinstance(o, Expression) else o.hex() for o in operands]
         key = (operation, detail, *inputs)
         found = self._known.get(key)
         if found is None:
+            if len(self.written) >= LONGEST:
+                raise LongTapeError(
+                    f"a function that takes more than {LONGEST:,} operations is not compiled; "
+                    "lock joints"
+                )
             found = self._known[key] = Expression(self, operation, operands, detail)
         return found
 

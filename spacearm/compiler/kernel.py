@@ -22,9 +22,7 @@ from spacearm.compiler.symbols import Rows, Traced, trace
 Array = npt.NDArray[np.float64]
 
 PREPARE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
-RUN = ctypes.CFUNCTYPE(
-    None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64
-)
+RUN = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 3)
 #: A function outside: number of the lane, what it is given, where its status and numbers go.
 OUTSIDE = ctypes.CFUNCTYPE(
     None, ctypes.c_int64, ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_double)
@@ -36,6 +34,8 @@ QUICK, FAST = 0, 1
 #: Time for each line of code that LLVM takes for the second [s].
 SECONDS_A_LINE = 6e-5
 _begin, _buffer = ctypes.addressof, ctypes.c_char.from_buffer
+#: Numbers in a line of the processor's cache.
+LINE = 8
 #: So many blocks of lanes are one share if one thread runs.
 FEW = 64
 
@@ -52,6 +52,11 @@ class Kernel:
         contract: Whether a b + c is rounded once on processors that can; without, arithmetic is
             NumPy's to the bit.
         fast: Whether it is compiled for speed at once.
+
+    Attributes:
+        lanes: Number of lanes computed side by side.
+        stack: Bound of the stack that a call of the machine code needs [bytes], by the sizes of
+            all values in it; functions of the system's library and functions outside come on top.
     """
 
     def __init__(
@@ -61,7 +66,10 @@ class Kernel:
         self._inputs, self._numbers = traced.inputs, traced.numbers  # without the expressions,
         self._tables, self._outside = traced.tables, tuple(traced.outside)  # which take memory
         self._single, self._prepared = traced.single, len(traced.shared.written) + 1
-        self._text = Lanes(traced, self.lanes, contract and fuses()).text()
+        written = Lanes(traced, self.lanes, contract and fuses())
+        self._text = written.text()
+        self.stack, self._memory = written.stack, written.memory * self.lanes
+        self._free: list[tuple[int, Array]] = []
         self._left: float | None = SECONDS_A_LINE * self._text.count("\n")
         self._improving, self._codes = Lock(), list[Code]()
         self._shapes = [o.shape if isinstance(o, Rows) else np.shape(o) for o in traced.outputs]
@@ -178,6 +186,14 @@ class Kernel:
             last = self._last = given, lanes, _address(lanes)
         return last
 
+    def _borrowed(self) -> tuple[int, Array]:
+        """Return the address of memory that no other thread uses, on a line of the cache."""
+        try:
+            return self._free.pop()
+        except IndexError:
+            memory = np.empty(self._memory + LINE)
+            return -(-_address(memory) // (8 * LINE)) * 8 * LINE, memory
+
     def _in_shares(self, arguments: int, shared: int, rows: int, threads: int) -> None:
         """Run all blocks of lanes; the last one ends with the last row."""
         blocks = -(-rows // self.lanes)
@@ -186,7 +202,9 @@ class Kernel:
         def run(share: int) -> None:
             begin, end = blocks * share // shares, blocks * (share + 1) // shares
             begun = perf_counter()
-            self._run(arguments, shared, rows - self.lanes, begin, end)
+            memory = self._borrowed()
+            self._run(arguments, shared, memory[0], rows - self.lanes, begin, end)
+            self._free.append(memory)
             if self._left is not None:
                 self._improve(perf_counter() - begun)
 

@@ -6,206 +6,39 @@ share is in `%u`: what is given, then what `prepare` computes of it, by the numb
 expressions, there as single numbers and for all else as vectors. `%a` has the addresses of the
 arguments of the kernel and then the numbers of their last rows; `%at` is the number of the first
 lane.
+
+The values of a long tape need more stack than a thread has. So a function is cut into sections,
+each of them a function of its own. They are so short that a call of the kernel needs no more than
+`STACK` bytes of the stack. Numbers that a later section needs are kept in the memory at `%m`, which
+whoever calls the kernel provides; arrays lie there too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
-from struct import pack
-from typing import Any
+from itertools import islice
+from math import inf
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from spacearm.compiler.expressions import Expression, Operand, Tape
+from spacearm.compiler.instructions import FIXED, SCALAR, Instructions, template
 from spacearm.compiler.operations import OPERATIONS, sine_cosine
 from spacearm.compiler.symbols import Outside, Region, Rows, Traced, trace
 
 DECLARE_FMA = "declare {V} @llvm.fma.{S}({V}, {V}, {V})"
 IS_NOT_ZERO = "fcmp une {V} {0}, {zero}"
-
-
-@cache
-def template(text: str, operands: int, width: int) -> str:
-    """Return an instruction as `operations` has it for so many lanes, with %s for operands."""
-    if text.startswith("@"):
-        given = ", ".join(f"{{V}} {{{i}}}" for i in range(operands))
-        text = f"call {{V}} {text}.{{S}}({given})"
-    words = {
-        "V": _vector("double", width), "S": "f64" if width == 1 else f"v{width}f64",
-        "M": _vector("i1", width), "true": _same("i1 true", width), "zero": _number(0.0, width),
-    }  # fmt: skip
-    return text.format(*["%s"] * operands, **words)
-
-
-def _vector(kind: str, width: int) -> str:
-    return kind if width == 1 else f"<{width} x {kind}>"
-
-
-def _same(value: str, width: int) -> str:
-    return value.split()[1] if width == 1 else f"splat ({value})"
-
-
-def _number(value: float, width: int) -> str:
-    return _same(f"double 0x{pack('>d', value).hex()}", width)
-
-
-class Instructions:
-    """The lines of a function.
-
-    Args:
-        width: Number of lanes.
-
-    Attributes:
-        V: The type of a number in all lanes.
-        M: The type of a mask.
-        block: Name of the block that is being written.
-    """
-
-    def __init__(self, width: int) -> None:
-        self.width = width
-        self.V, self.M = _vector("double", width), _vector("i1", width)
-        self.block = "entry"
-        self._lines: list[str] = []
-        self._memory: list[str] = []
-        self._scratch: dict[str, int] = {}
-        self._count = 0
-
-    def __str__(self) -> str:
-        scratch = [f"{name} = {self._vectors(size)}" for name, size in self._scratch.items()]
-        return "\n".join(("entry:", *self._memory, *scratch, *self._lines))
-
-    def line(self, text: str) -> None:
-        """Write a line."""
-        self._lines.append(text)
-
-    def label(self, name: str) -> None:
-        """Begin a block."""
-        self._lines.append(f"{name}:")
-        self.block = name
-
-    def name(self, kind: str) -> str:
-        """Return a name that is not used yet."""
-        self._count += 1
-        return f"{kind}{self._count}"
-
-    def new(self, text: str) -> str:
-        """Write an instruction that gives a value, and return its name."""
-        self._count += 1
-        name = f"%v{self._count}"
-        self._lines.append(f"{name} = {text}")
-        return name
-
-    def operate(self, text: str, *operands: str) -> str:
-        """Write an operation, as `operations` has it, and return the name of its value."""
-        return self.new(template(text, len(operands), self.width) % operands)
-
-    def any(self, mask: str) -> str:
-        """Tell whether a mask is true in any lane."""
-        if self.width == 1:
-            return mask
-        return self.new(f"call i1 @llvm.vector.reduce.or.v{self.width}i1({self.M} {mask})")
-
-    def number(self, value: float) -> str:
-        """Return a number in all lanes."""
-        return _number(value, self.width)
-
-    def splat(self, name: str) -> str:
-        """Return a number of one lane in all."""
-        if self.width == 1:
-            return name
-        one = self.new(f"insertelement {self.V} poison, double {name}, i32 0")
-        return self._shuffled(one, one, [0] * self.width)
-
-    def lane(self, name: str, lane: int) -> str:
-        """Return the number of one lane."""
-        return name if self.width == 1 else self.new(f"extractelement {self.V} {name}, i32 {lane}")
-
-    def joined(self, lanes: Sequence[str]) -> str:
-        """Return numbers of single lanes as a vector."""
-        if self.width == 1:
-            return lanes[0]
-        found = "poison"
-        for i, name in enumerate(lanes):
-            found = self.new(f"insertelement {self.V} {found}, double {name}, i32 {i}")
-        return found
-
-    def at(self, kind: str, address: str, index: int | str) -> str:
-        """Return the address of an element of an array."""
-        if index == 0:
-            return address
-        return self.new(f"getelementptr {kind}, ptr {address}, i64 {index}")
-
-    def memory(self, size: int) -> str:
-        """Reserve memory for vectors of lanes, and return its address."""
-        name = self.name("%m")
-        self._memory.append(f"{name} = {self._vectors(size)}")
-        return name
-
-    def scratch(self, name: str, size: int) -> str:
-        """Return memory that is used again under the same name, at least so large."""
-        self._scratch[name] = max(size, self._scratch.get(name, 1))
-        return name
-
-    def _vectors(self, size: int) -> str:
-        return f"alloca [{max(size, 1)} x {self.V}], align 64"
-
-    def load(self, memory: str, index: int) -> str:
-        """Load a vector of lanes."""
-        return self.new(f"load {self.V}, ptr {self.at(self.V, memory, index)}, align 8")
-
-    def store(self, value: str, memory: str, index: int) -> None:
-        """Store a vector of lanes."""
-        self.line(f"store {self.V} {value}, ptr {self.at(self.V, memory, index)}, align 8")
-
-    def load_one(self, address: str, index: int | str) -> str:
-        """Load a number of one lane."""
-        return self.new(f"load double, ptr {self.at('double', address, index)}, align 8")
-
-    def store_one(self, value: str, address: str, index: int | str) -> None:
-        """Store a number of one lane."""
-        self.line(f"store double {value}, ptr {self.at('double', address, index)}, align 8")
-
-    def gather(self, rows: Sequence[str], size: int) -> list[str]:
-        """Load rows of `size` numbers, one row a lane, and return the numbers in all lanes."""
-        found: list[str] = []
-        whole = size - size % self.width
-        for k in range(0, whole, self.width):
-            at = [self.at("double", row, k) for row in rows]
-            found += self._transposed([self.load(address, 0) for address in at])
-        for k in range(whole, size):
-            found.append(self.joined([self.load_one(row, k) for row in rows]))
-        return found
-
-    def scatter(self, values: Sequence[str], rows: Sequence[str]) -> None:
-        """Store numbers in all lanes as rows, one row a lane."""
-        W = self.width
-        whole = len(values) - len(values) % W
-        for k in range(0, whole, W):
-            for row, numbers in zip(rows, self._transposed(values[k : k + W]), strict=True):
-                self.store(numbers, self.at("double", row, k), 0)
-        for k in range(whole, len(values)):
-            for lane, row in enumerate(rows):
-                self.store_one(self.lane(values[k], lane), row, k)
-
-    def _transposed(self, vectors: Sequence[str]) -> list[str]:
-        """Return the transpose of a square of vectors, by halves that are exchanged."""
-        found, half, lanes = list(vectors), self.width // 2, range(self.width)
-        while half:
-            low = [j if not j & half else (j ^ half) + self.width for j in lanes]
-            high = [j | half if not j & half else j + self.width for j in lanes]
-            for i in lanes:
-                if not i & half:
-                    a, b = found[i], found[i | half]
-                    found[i], found[i | half] = (self._shuffled(a, b, c) for c in (low, high))
-            half //= 2
-        return found
-
-    def _shuffled(self, a: str, b: str, lanes: Sequence[int]) -> str:
-        """Return lanes of two vectors, which are numbered one after the other."""
-        V, chosen = self.V, ", ".join(f"i32 {lane}" for lane in lanes)
-        return self.new(f"shufflevector {V} {a}, {V} {b}, <{len(lanes)} x i32> <{chosen}>")
-
+AS_NUMBER = "select {M} {0}, {V} {1}, {V} {2}"
+#: Most stack that a call of a kernel needs, functions of the system's library and functions outside
+#: left out [bytes]. A thread has 128 KB or more, of which Python takes some.
+STACK = 96 * 1024
+#: A section ends where its values need more of the stack than this [bytes]; it is halved until a
+#: kernel keeps to `STACK`.
+SECTION = 64 * 1024
+#: The state of a loop is kept by a function of its own where it has more numbers than this.
+UNROLLED = 16
 
 #: Functions of the system's library.
 DECLARED = [f"declare double @{name}({', '.join(['double'] * operation.numpy.nin)})"
@@ -213,10 +46,44 @@ DECLARED = [f"declare double @{name}({', '.join(['double'] * operation.numpy.nin
 NEGATIVE, SELECT = OPERATIONS["neg"].llvm, OPERATIONS["select"].llvm
 
 
+class Function(NamedTuple):
+    """A function of the module.
+
+    Attributes:
+        name: Its name.
+        stack: Bound of the stack that a call needs, functions that it calls included [bytes].
+        memory: Size of the memory that it needs, in vectors of lanes.
+    """
+
+    name: str
+    stack: int
+    memory: int
+
+
 @cache
 def _angles() -> Traced:
     """Return the function of sine and cosine."""
     return trace(sine_cosine, {"x": ()})
+
+
+#: Keeps the numbers of a loop where lanes go on: the state, the numbers after a turn, how many.
+KEEP = """define internal void @keep(ptr %state, ptr %after, {M} %runs, i64 %size) noinline {{
+entry:
+br label %each
+each:
+%i = phi i64 [0, %entry], [%next, %each]
+%here = getelementptr {V}, ptr %state, i64 %i
+%there = getelementptr {V}, ptr %after, i64 %i
+%old = load {V}, ptr %here, align 8
+%new = load {V}, ptr %there, align 8
+%kept = select {M} %runs, {V} %new, {V} %old
+store {V} %kept, ptr %here, align 8
+%next = add i64 %i, 1
+%more = icmp ult i64 %next, %size
+br i1 %more, label %each, label %end
+end:
+ret void
+}}"""
 
 
 class Lanes:
@@ -229,16 +96,18 @@ class Lanes:
             know that operation.
 
     Attributes:
+        section: A section ends where its values need more of the stack than this [bytes].
         taken: What the lanes take of what they share.
+        stack: Bound of the stack that machine code needs, without functions of the system's library
+            and functions outside [bytes].
+        memory: Size of the memory that `run` needs, in vectors of lanes.
         slot: Numbers of the arguments of the kernel.
         rows: Those of the outputs that are rows of a loop, by its region.
     """
 
     def __init__(self, traced: Traced, width: int, fused: bool) -> None:
         self.traced, self.width, self.fused = traced, width, fused
-        self.taken: set[Expression] = set()
-        self._functions: dict[str, str] = {}
-        self._regions: dict[int, str] = {}
+        self.section = SECTION
         slots = [*traced.inputs, *range(len(traced.outputs)), *traced.tables, *traced.outside]
         self.slot: dict[Any, int] = {name: i for i, name in enumerate(slots)}
         self.rows = {id(o.loop.detail): i
@@ -246,17 +115,30 @@ class Lanes:
 
     def text(self) -> str:
         """Return the whole module, whose entries are `prepare` and `run`."""
-        run, prepare = self._run(), self._prepare()
+        run, prepare = self._written()
+        while self.stack > STACK and self.section > 1:
+            self.section //= 2
+            run, prepare = self._written()
         often = template(DECLARE_FMA, 0, self.width)  # LLVM declares its own functions, but slowly
         return "\n".join((*DECLARED, often, *self._functions.values(), prepare, run, ""))
 
-    def angles(self, width: int) -> str:
-        """Return the name of the function of an angle in all lanes, which gives sine and cosine."""
-        name, traced = f"@sine_cosine{width}", _angles()
-        if name not in self._functions:
-            code = _Body(self, width)
+    def _written(self) -> tuple[str, str]:
+        """Write the functions; return `run` and `prepare`."""
+        self.taken: set[Expression] = set()
+        self.stack = self.memory = 0
+        self._functions: dict[str, str] = {}
+        self._angles: dict[int, Function] = {}
+        self._regions: dict[int, Function] = {}
+        return self._run(), self._prepare()
+
+    def angles(self, width: int) -> Function:
+        """Return the function of an angle in all lanes, which gives sine and cosine."""
+        if width not in self._angles:
+            name, traced = f"@sine_cosine{width}", _angles()
+            code = _Body(self, width, whole=True)
+            code.plan(traced.tape, traced.outputs)
             code.known[traced.tape.written[0].number] = "%x"
-            code.compute(traced.tape, traced.outputs)
+            code.compute()
             *near, large = map(code.value, traced.outputs)
             code.line(f"br i1 {code.any(large)}, label %far, label %near")
             code.label("near")
@@ -264,73 +146,125 @@ class Lanes:
             code.label("far")
             code.give([code.operate(SELECT, large, code.library(function, "%x"), value)
                        for function, value in zip(("sin", "cos"), near, strict=True)])  # fmt: skip
-            head = f"define internal {code.pair} {name}({code.V} %x)"
-            self._functions[name] = f"{head} {{\n{code}\n}}"
-        return name
+            (section,) = code.sections
+            self._functions[name] = (
+                f"define internal {code.pair} {name}({code.V} %x) "
+                f"{{\nentry:\n{code.text(section)}\n}}"
+            )
+            self._angles[width] = Function(name, section.stack, 0)
+        return self._angles[width]
 
-    def region(self, region: Region) -> str:
-        """Return the name of the function of a region, written once."""
+    def region(self, region: Region) -> Function:
+        """Return the function of a region, written once."""
         if id(region) not in self._regions:
-            name = self._regions[id(region)] = f"@region{len(self._regions)}"
+            name = f"@region{len(self._regions)}"
+            self._regions[id(region)] = Function(name, 0, 0)  # numbers go to those around first
             code = _Body(self, self.width)
-            code.place = {e.number: ("%in", i) for i, e in enumerate(region.variables)}
-            if region.turn is not None:
-                turn = code.new("sitofp i64 %turn to double")
-                code.known[region.turn.number] = code.splat(turn)
             kept = (region.kept or []) if id(region) in self.rows else []
             outputs = [*region.outputs, *([] if region.goes_on is None else [region.goes_on])]
-            code.compute(region.tape, [*outputs, *kept])
+            code.plan(region.tape, [*outputs, *kept])
+            code.place = {e.number: ("%in", i) for i, e in enumerate(region.variables)}
+            if region.turn is not None:
+                turn = code.new("sitofp i64 %turn to double", scalars=1)
+                code.known[region.turn.number] = code.splat(turn)
+            code.compute()
             code.store_all(outputs, "%out")
             if kept:
-                code.write(kept, "%rows", region.most)
-            self._functions[name] = (
-                f"define internal void {name}(ptr noalias %in, ptr noalias %out, ptr noalias %u, "
-                f"ptr %a, i64 %at, i64 %turn, ptr %rows) {{\n{code}\nret void\n}}"
-            )
+                code.write(kept, None, region.most)
+            parameters = {
+                "%in": "ptr noalias", "%out": "ptr noalias", "%u": "ptr noalias", "%a": "ptr",
+                "%at": "i64", "%turn": "i64", "%rows": "ptr", "%m": "ptr noalias",
+            }  # fmt: skip
+            stack = self._sections(name, code, parameters)
+            self._regions[id(region)] = Function(name, stack, code.memory + code.below)
         return self._regions[id(region)]
+
+    def keep(self) -> Function:
+        """Return the function that keeps the state of a loop where lanes go on."""
+        types = Instructions(self.width)
+        self._functions["@keep"] = KEEP.format(V=types.V, M=types.M)
+        return Function("@keep", FIXED + 4 * SCALAR * (self.width + 1), 0)
+
+    def _sections(self, name: str, code: _Body, parameters: dict[str, str]) -> int:
+        """Write a function as one, or as sections that it calls; return the stack that it needs."""
+        stack = max(section.stack for section in code.sections)
+        given = ", ".join(f"{kind} {name}" for name, kind in parameters.items())
+        if len(code.sections) == 1:
+            self._functions[name] = (
+                f"define internal void {name}({given}) "
+                f"{{\n{code.entry()}\n{code.text(code.sections[0])}\nret void\n}}"
+            )
+            return stack
+        calls = []
+        for i, section in enumerate(code.sections):
+            part = f"{name}_{i}"
+            self._functions[part] = (
+                f"define internal void {part}({given}) noinline "
+                f"{{\n{code.entry()}\n{code.text(section)}\nret void\n}}"
+            )
+            passed = ", ".join(f"{kind.split()[0]} {name}" for name, kind in parameters.items())
+            calls.append(f"call void {part}({passed})")
+        body = "\n".join(calls)
+        self._functions[name] = f"define internal void {name}({given}) {{\n{body}\nret void\n}}"
+        return FIXED + stack
 
     def _prepare(self) -> str:
         """Return the function that computes what all lanes share."""
         tape, code = self.traced.shared, _Body(self, 1, shared=True)
+        code.plan(tape, [*self.taken])
         code.place = {e.number: ("%u", e.number) for e in tape.written if e.operation == "var"}
-        for e in tape.needed(self.taken):
-            if e.operation == "var":
-                continue
-            value = code.known[e.number] = code.operation(e)
+        for e in code.steps():
+            if e.number not in code.known:
+                code.known[e.number] = code.operation(e)
             if e in self.taken:
-                value = code.new(f"uitofp i1 {value} to double") if e.is_mask else value
-                code.store(value, "%u", e.number)
-        return f"define void @prepare(ptr noalias %u) {{\n{code}\nret void\n}}"
+                code.keep(e)
+        stack = self._sections("@prepare_all", code, {"%u": "ptr noalias", "%m": "ptr"})
+        self.stack = max(self.stack, FIXED + stack)
+        return (
+            "define void @prepare(ptr noalias %u) {\n"
+            "call void @prepare_all(ptr %u, ptr null)\nret void\n}"
+        )
 
     def _run(self) -> str:
         """Return the function that computes blocks of lanes; the last ones at `%most`."""
         traced, code = self.traced, _Body(self, self.width)
-        code.line("br label %block")
-        code.label("block")
-        code.line("%i = phi i64 [%first, %entry], [%next, %done]")
-        code.line(f"%begin = mul i64 %i, {self.width}")
-        code.line("%at = call i64 @llvm.smin.i64(i64 %begin, i64 %most)")
-        variables = (e for e in traced.tape.written if e.operation == "var")
-        for name, shape in traced.inputs.items():
-            size = int(np.prod(shape))
-            found = code.gather(code.rows(code.argument(name), size), size)
-            for value, e in zip(found, variables, strict=False):
-                code.known[e.number] = value
         loops = [o.loop for o in traced.outputs if isinstance(o, Rows)]
         flat = {i: traced.flat(o) for i, o in enumerate(traced.outputs) if not isinstance(o, Rows)}
-        code.compute(traced.tape, [*loops, *(o for values in flat.values() for o in values)])
+        code.plan(traced.tape, [*loops, *(o for values in flat.values() for o in values)])
+        variables = (e for e in traced.tape.written if e.operation == "var")
+        for name, shape in traced.inputs.items():
+            code.read(name, [*islice(variables, int(np.prod(shape)))])
+        code.compute()
         for i, values in flat.items():
             if values:
-                code.write(values, code.argument(i))
-        code.line("br label %done")
-        code.label("done")
-        code.line("%next = add i64 %i, 1")
-        code.line("%more = icmp slt i64 %next, %last")
-        code.line("br i1 %more, label %block, label %end")
-        code.label("end")
+                code.write(values, i)
+        head = (
+            "br label %block\n"
+            "block:\n"
+            "%i = phi i64 [%first, %entry], [%next, %done]\n"
+            f"%begin = mul i64 %i, {self.width}\n"
+            "%at = call i64 @llvm.smin.i64(i64 %begin, i64 %most)"
+        )
+        tail = (
+            "br label %done\n"
+            "done:\n"
+            "%next = add i64 %i, 1\n"
+            "%more = icmp slt i64 %next, %last\n"
+            "br i1 %more, label %block, label %end\n"
+            "end:\n"
+            "ret void"
+        )
+        self.memory = code.memory + code.below
+        if len(code.sections) == 1:
+            entry, body, stack = code.entry(), code.text(code.sections[0]), code.sections[0].stack
+        else:
+            parameters = {"%a": "ptr noalias", "%u": "ptr noalias", "%at": "i64"}
+            stack = FIXED + self._sections("@lanes", code, parameters | {"%m": "ptr noalias"})
+            entry, body = "entry:", "call void @lanes(ptr %a, ptr %u, i64 %at, ptr %m)"
+        self.stack = max(self.stack, stack)
         return (
-            f"define void @run(ptr noalias %a, ptr noalias %u, i64 %most, i64 %first, i64 %last) "
-            f"{{\n{code}\nret void\n}}"
+            "define void @run(ptr noalias %a, ptr noalias %u, ptr noalias %m, i64 %most, "
+            f"i64 %first, i64 %last) {{\n{entry}\n{head}\n{body}\n{tail}\n}}"
         )
 
 
@@ -340,74 +274,169 @@ class _Body(Instructions):
     Attributes:
         pair: The type of two numbers in all lanes.
         shared: Whether the tape is the shared one.
-        known: Names of the values of expressions of the tape, by number.
-        place: Where variables and results lie: memory and index.
+        whole: Whether it is one section, however much stack that needs.
+        known: Names of the values of expressions of the tape in this section, by number.
+        place: Where variables, results and values of other sections lie: memory and index.
     """
 
-    def __init__(self, lanes: Lanes, width: int, shared: bool = False) -> None:
+    def __init__(self, lanes: Lanes, width: int, shared: bool = False, whole: bool = False) -> None:
         super().__init__(width)
         self.lanes, self.shared = lanes, shared
         self.pair = f"{{{self.V}, {self.V}}}"
         self.known: dict[int, str] = {}
         self.place: dict[int, tuple[str, int]] = {}
+        self._limit = inf if whole else lanes.section
+        self._step = 0
+        self._free: list[int] = []
+        self._slots: dict[int, int] = {}
         self._taken: dict[int, str] = {}
         self._negative: dict[str, str] = {}
-        self._angles: dict[str, str] = {}
         self._looked: dict[tuple[str, str], list[str]] = {}
+
+    def plan(self, tape: Tape, outputs: Sequence[Any]) -> None:
+        """Find out what outputs on a tape need, and for how long."""
+        self._tape, self._needed = tape, tape.needed(outputs)
+        fused = self.lanes.fused and not self.shared
+        self._products = self._fused(outputs) if fused else {}
+        self._inside = {product.number for product in self._products.values()}
+        self._last: dict[int, int] = {}
+        self._angles: dict[int, list[Expression]] = {}
+        for step, e in enumerate(self._needed):
+            if e.number in self._inside:
+                continue
+            operands = e.operands
+            if e.number in self._products:
+                operands = (*operands, *self._products[e.number].operands)
+            for o in operands:
+                if type(o) is Expression and o.tape is tape:
+                    self._last[o.number] = step
+            if e.operation in ("sin", "cos"):
+                self._angles.setdefault(e.expressions()[0].key, []).append(e)
+        for o in outputs:
+            if type(o) is Expression and o.tape is tape:
+                self._last[o.number] = len(self._needed)
+
+    def rest(self) -> None:
+        """Begin another section if the values of this one need much of the stack."""
+        if self.sections[-1].values <= self._limit:
+            return
+        over = [number for number in self._slots if self._last[number] < self._step]
+        self._free += [self._slots.pop(number) for number in over]
+        for number, name in self.known.items():
+            if number not in self.place and self._last.get(number, -1) >= self._step:
+                self._keep(self._tape.written[number], name)
+        for names in (self.known, self._taken, self._negative, self._looked):
+            names.clear()
+        self.begin_section()
+
+    def keep(self, e: Expression) -> None:
+        """Keep the value of an expression in memory, for other sections and other functions."""
+        self._keep(e, self.known[e.number])
+
+    def _keep(self, e: Expression, name: str) -> None:
+        if e.is_mask:
+            name = self.operate(AS_NUMBER, name, self.number(1.0), self.number(0.0))
+        if self.shared:
+            self.place[e.number] = "%u", e.number
+        else:
+            slot = self._free.pop() if self._free else self.reserve(1)
+            self._slots[e.number] = slot
+            self.place[e.number] = "%m", slot
+        self.store(name, *self.place[e.number])
 
     def library(self, name: str, *operands: str) -> str:
         """Call a function of the system's library, lane by lane."""
         found = []
         for lane in range(self.width):
             given = ", ".join(f"double {self.lane(o, lane)}" for o in operands)
-            found.append(self.new(f"call double @{name}({given})"))
+            found.append(self.new(f"call double @{name}({given})", scalars=1))
         return self.joined(found)
 
     def argument(self, slot: int | str) -> str:
         """Return the address of an argument of the kernel."""
-        return self.new(f"load ptr, ptr {self.at('ptr', '%a', self.lanes.slot[slot])}")
+        return self.new(f"load ptr, ptr {self.at('ptr', '%a', self.lanes.slot[slot])}", scalars=1)
 
     def rows(self, address: str, size: int, most: int = 1) -> list[str]:
         """Return the address of the row of each lane, of `size` numbers; `%turn` of `most`."""
-        first = self.new(f"mul i64 %at, {size * most}")
+        first = self.new(f"mul i64 %at, {size * most}", scalars=1)
         if most > 1:
-            first = self.new(f"add i64 {first}, {self.new(f'mul i64 %turn, {size}')}")
+            turn = self.new(f"mul i64 %turn, {size}", scalars=1)
+            first = self.new(f"add i64 {first}, {turn}", scalars=1)
         base = self.at("double", address, first)
         return [self.at("double", base, lane * size * most) for lane in range(self.width)]
 
-    def write(self, values: list[Operand], address: str, most: int = 1) -> None:
-        """Write numbers to the rows of the lanes."""
-        self.scatter([self.value(o) for o in values], self.rows(address, len(values), most))
+    def read(self, name: str, variables: Sequence[Expression]) -> None:
+        """Read the rows of an input, one row a lane, as variables."""
+        size, W = len(variables), self.width
+        whole = size - size % W
+        section, rows = None, list[str]()
+        for k in (*range(0, whole, W), *range(whole, size)):
+            self.rest()
+            if section is not self.sections[-1]:
+                section, rows = self.sections[-1], self.rows(self.argument(name), size)
+            at = [self.at("double", row, k) for row in rows]
+            if k < whole:
+                values = self.transposed([self.load(address, 0) for address in at])
+            else:
+                values = [self.joined([self.load_one(address, 0) for address in at])]
+            for e, value in zip(variables[k:], values, strict=False):
+                self.known[e.number] = value
 
-    def store_all(self, operands: Iterable[Operand], memory: str) -> None:
+    def write(self, values: Sequence[Operand], slot: int | None, most: int = 1) -> None:
+        """Write numbers to the rows of the lanes: of an argument, or of a loop if None."""
+        size, W = len(values), self.width
+        whole = size - size % W
+        section, rows = None, list[str]()
+        for k in (*range(0, whole, W), *range(whole, size)):
+            self.rest()
+            if section is not self.sections[-1]:
+                section = self.sections[-1]
+                rows = self.rows("%rows" if slot is None else self.argument(slot), size, most)
+            if k < whole:
+                square = self.transposed([self.value(o) for o in values[k : k + W]])
+                for row, numbers in zip(rows, square, strict=True):
+                    self.store(numbers, self.at("double", row, k), 0)
+            else:
+                value = self.value(values[k])
+                for lane, row in enumerate(rows):
+                    self.store_one(self.lane(value, lane), row, k)
+
+    def store_all(self, operands: Iterable[Operand], memory: str, first: int = 0) -> None:
         """Store operands side by side."""
         for i, o in enumerate(operands):
-            self.store(self.value(o), memory, i)
+            self.rest()
+            self.store(self.value(o), memory, first + i)
 
     def value(self, o: Operand) -> str:
         """Return the name of a number or mask in all lanes."""
         if not isinstance(o, Expression):
             return self.number(o)
-        if o.tape.depth == 0 and not self.shared:
-            if o.number not in self._taken:
+        outer = o.tape.depth == 0 and not self.shared
+        known = self._taken if outer else self.known
+        if o.number not in known:
+            if outer:
                 self.lanes.taken.add(o)
-                one = self.load("%u", o.number)
-                self._taken[o.number] = self.operate(IS_NOT_ZERO, one) if o.is_mask else one
-            return self._taken[o.number]
-        if o.number not in self.known:
-            self.known[o.number] = self.load(*self.place[o.number])
-        return self.known[o.number]
+            memory, index = ("%u", o.number) if outer else self.place[o.number]
+            one = self.load(memory, index)
+            known[o.number] = self.operate(IS_NOT_ZERO, one) if o.is_mask else one
+        return known[o.number]
 
-    def compute(self, tape: Tape, outputs: Sequence[Any]) -> None:
-        """Write all that outputs on a tape need."""
-        needed = tape.needed(outputs)
-        products = self._products(tape, needed, outputs) if self.lanes.fused else {}
-        inside = {product.number for product in products.values()}
-        for e in needed:
-            if e.operation == "var" or e.number in inside:
+    def steps(self) -> Iterator[Expression]:
+        """Give the expressions that must be computed one after the other, in sections."""
+        for step, e in enumerate(self._needed):
+            self._step = step
+            self.rest()
+            if e.operation != "var" and e.number not in self._inside:
+                yield e
+        self._step = len(self._needed)
+
+    def compute(self) -> None:
+        """Write all that is needed."""
+        for e in self.steps():
+            if e.number in self.known or e.number in self.place:
                 continue
-            if e.number in products:
-                self.known[e.number] = self._product(e, products[e.number])
+            if e.number in self._products:
+                self.known[e.number] = self._product(e, self._products[e.number])
             elif e.operation in OPERATIONS:
                 self.known[e.number] = self.operation(e)
             elif e.operation == "load":
@@ -418,10 +447,9 @@ class _Body(Instructions):
             else:
                 getattr(self, f"_{e.operation}")(e, e.detail)
 
-    def _products(
-        self, tape: Tape, needed: Sequence[Expression], outputs: Iterable[Any]
-    ) -> dict[int, Expression]:
+    def _fused(self, outputs: Iterable[Any]) -> dict[int, Expression]:
         """Return the products that are computed with the only sum or difference they stand in."""
+        tape, needed = self._tape, self._needed
         uses = [0] * len(tape.written)
         for operands in (outputs, *(e.operands for e in needed)):
             for o in operands:
@@ -457,21 +485,31 @@ class _Body(Instructions):
         if operation.llvm:
             return self.operate(operation.llvm, *values)
         if e.operation in ("sin", "cos"):
-            return self._angle(e.operation, values[0])
+            return self._angle(e, values[0])
         return self.library(e.operation, *values)
 
-    def _angle(self, name: str, x: str) -> str:
-        """Return the sine or cosine of an angle, for which the function is called once."""
-        if x not in self._angles:
-            function = self.lanes.angles(self.width)
-            self._angles[x] = self.new(f"call {self.pair} {function}({self.V} {x})")
-        return self.new(f"extractvalue {self.pair} {self._angles[x]}, {int(name == 'cos')}")
+    def _angle(self, e: Expression, x: str) -> str:
+        """Return the sine or cosine of an angle; the function is called once for both."""
+        function = self.lanes.angles(self.width)
+        self._calls(function)
+        call = f"call {self.pair} {function.name}({self.V} {x})"
+        both = self.new(call, vectors=4)
+        for each in self._angles[e.expressions()[0].key]:
+            taken = f"extractvalue {self.pair} {both}, {int(each.operation == 'cos')}"
+            self.known[each.number] = self.new(taken, vectors=1)
+        return self.known[e.number]
+
+    def _calls(self, function: Function) -> None:
+        """Note the stack and memory of a function that is called."""
+        section = self.sections[-1]
+        section.called = max(section.called, function.stack)
+        self.below = max(self.below, function.memory)
 
     def give(self, values: Sequence[str]) -> None:
         """Return two numbers from a function."""
         found = "poison"
         for i, value in enumerate(values):
-            found = self.new(f"insertvalue {self.pair} {found}, {self.V} {value}, {i}")
+            found = self.new(f"insertvalue {self.pair} {found}, {self.V} {value}, {i}", vectors=2)
         self.line(f"ret {self.pair} {found}")
 
     def _load(self, e: Expression) -> str:
@@ -486,73 +524,92 @@ class _Body(Instructions):
         """Return the addresses of rows of a table, one a lane."""
         lanes, address, found = self.lanes, self.argument(table), []
         last = self.at("i64", "%a", len(lanes.slot) + lanes.slot[table])
-        last = self.new(f"load i64, ptr {last}")
+        last = self.new(f"load i64, ptr {last}", scalars=1)
         for lane in range(self.width):
             one = self.lane(index, lane)
-            i = self.new(f"call i64 @llvm.fptosi.sat.i64.f64(double {one})")  # NaN gives 0
-            i = self.new(f"call i64 @llvm.smin.i64(i64 {i}, i64 {last})")
-            i = self.new(f"call i64 @llvm.smax.i64(i64 {i}, i64 0)")
-            i = self.new(f"mul i64 {i}, {lanes.traced.tables[table].columns}")
+            i = self.new(f"call i64 @llvm.fptosi.sat.i64.f64(double {one})", scalars=8)  # 0 of NaN
+            i = self.new(f"call i64 @llvm.smin.i64(i64 {i}, i64 {last})", scalars=2)
+            i = self.new(f"call i64 @llvm.smax.i64(i64 {i}, i64 0)", scalars=3)
+            i = self.new(f"mul i64 {i}, {lanes.traced.tables[table].columns}", scalars=2)
             found.append(self.at("double", address, i))
         return found
 
     def _call(self, e: Expression, region: Region) -> None:
         """Call a procedure."""
-        given = self.scratch("%given", len(e.operands))
-        found = self.memory(len(region.outputs))
-        self.store_all(e.operands, given)
+        given = self.scratch("given", len(e.operands))
+        found = self.reserve(len(region.outputs))
+        self.store_all(e.operands, "%m", given)
         self._run_region(region, given, found)
-        self.place[e.number] = (found, 0)
+        self.place[e.number] = ("%m", found)
 
     def _run_region(
-        self, region: Region, given: str, found: str, turn: str = "0", rows: str = "null"
+        self, region: Region, given: int, found: int, turn: str = "0", rows: str = "null"
     ) -> None:
+        function = self.lanes.region(region)
+        self._calls(function)
+        at, to = self.at(self.V, "%m", given), self.at(self.V, "%m", found)
         self.line(
-            f"call void {self.lanes.region(region)}(ptr {given}, ptr {found}, ptr %u, ptr %a, "
-            f"i64 %at, i64 {turn}, ptr {rows})"
+            f"call void {function.name}(ptr {at}, ptr {to}, ptr %u, ptr %a, "
+            f"i64 %at, i64 {turn}, ptr {rows}, ptr %below)"
         )
 
     def _loop(self, e: Expression, region: Region) -> None:
         """Run a loop, in which lanes that have ended keep their state."""
         size, slot, stops = len(region.outputs), self.lanes.rows.get(id(region)), region.goes_on
+        state, after = self.reserve(len(e.operands)), self.scratch("after", size + 1)
+        self.store_all(e.operands, "%m", state)
         rows = "null" if slot is None else self.argument(slot)
-        state, after = self.memory(len(e.operands)), self.scratch("%after", size + 1)
-        self.store_all(e.operands, state)
         before, loop = self.block, self.name("loop")
         turn, turns, runs, goes = (self.name(f"%{x}") for x in ("turn", "turns", "runs", "goes"))
+        every = "true" if self.width == 1 else "splat (i1 true)"
         self.line(f"br label %{loop}")
         self.label(loop)
         self.line(f"{turn} = phi i64 [0, %{before}], [{turns}, %{loop}]")
         if stops is not None:
-            every = "true" if self.width == 1 else "splat (i1 true)"
             self.line(f"{runs} = phi {self.M} [{every}, %{before}], [{goes}, %{loop}]")
         self._run_region(region, state, after, turn, rows)
-        for i in range(size):
-            found = self.load(after, i)
-            if stops is not None:
-                found = self.operate(SELECT, runs, found, self.load(state, i))
-            self.store(found, state, i)
+        self._keep_state(state, after, size, every if stops is None else runs)
         self.line(f"{turns} = add i64 {turn}, 1")
-        more = self.new(f"icmp ult i64 {turns}, {region.most}")
+        more = self.new(f"icmp ult i64 {turns}, {region.most}", scalars=2)
         if stops is not None:
-            wants = self.operate(IS_NOT_ZERO, self.load(after, size))
+            wants = self.operate(IS_NOT_ZERO, self.load("%m", after + size))
             self.line(f"{goes} = and {self.M} {runs}, {wants}")
-            more = self.new(f"and i1 {more}, {self.any(goes)}")
+            more = self.new(f"and i1 {more}, {self.any(goes)}", vectors=3, scalars=2)
         self.line(f"br i1 {more}, label %{loop}, label %{loop}_end")
         self.label(f"{loop}_end")
-        self.place[e.number] = (state, 0)
+        self.place[e.number] = ("%m", state)
+
+    def _keep_state(self, state: int, after: int, size: int, runs: str) -> None:
+        """Keep the numbers after a turn of a loop in the lanes that run."""
+        if size > UNROLLED:
+            function = self.lanes.keep()
+            self._calls(function)
+            at, to = self.at(self.V, "%m", state), self.at(self.V, "%m", after)
+            self.line(f"call void {function.name}(ptr {at}, ptr {to}, {self.M} {runs}, i64 {size})")
+            return
+        for i in range(size):
+            found = self.load("%m", after + i)
+            if runs.startswith("%"):
+                found = self.operate(SELECT, runs, found, self.load("%m", state + i))
+            self.store(found, "%m", state + i)
 
     def _outside(self, e: Expression, outside: Outside) -> None:
         """Call a function outside, lane by lane."""
-        count, W, function = 1 + outside.count, self.width, self.argument(outside.name)
-        found = self.memory(count)
-        given, results = self.scratch("%given", len(e.operands)), self.scratch("%after", count)
-        values = [self.value(o) for o in e.operands]
+        count, size, W = 1 + outside.count, len(e.operands), self.width
+        found, values = self.reserve(count), self.scratch("given", size)
+        given, results = self.scratch("one", size), self.scratch("after", count)
+        self.store_all(e.operands, "%m", values)
         for lane in range(W):
-            for i, value in enumerate(values):
-                self.store_one(self.lane(value, lane), given, i)
-            number = self.new(f"add i64 %at, {lane}")
-            self.line(f"call void {function}(i64 {number}, ptr {given}, ptr {results})")
+            for i in range(size):
+                self.rest()
+                one = self.load_one("%m", (values + i) * W + lane)
+                self.store_one(one, "%m", given * W + i)
+            self.rest()
+            function, number = self.argument(outside.name), self.new(f"add i64 %at, {lane}", 0, 1)
+            at, to = self.at(self.V, "%m", given), self.at(self.V, "%m", results)
+            self.line(f"call void {function}(i64 {number}, ptr {at}, ptr {to})")
             for i in range(count):
-                self.store_one(self.load_one(results, i), found, i * W + lane)
-        self.place[e.number] = (found, 0)
+                self.rest()
+                one = self.load_one("%m", results * W + i)
+                self.store_one(one, "%m", (found + i) * W + lane)
+        self.place[e.number] = ("%m", found)

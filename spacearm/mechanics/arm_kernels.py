@@ -13,6 +13,7 @@ alike do.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from threading import RLock
@@ -23,6 +24,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.compiler.expressions import LONGEST, LongTapeError
 from spacearm.equations.kinematics import Parameters, Structure
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -83,7 +85,8 @@ def evaluated(
     m = len(next(iter(inputs.values())))
     if m == 0 or worth_compiling(m, once=once):
         kernel = ArmKernel([arm], mode, function, options, rows=m)
-        return kernel(inputs, numbers)
+        with suppress(LongTapeError):
+            return kernel(inputs, numbers)
     from spacearm.compiler import numbers as by_numbers
 
     tree, p, shared = structure_of(arm, mode), parameters_of(arm), {**(options or {})}
@@ -190,7 +193,11 @@ class ArmKernel:
         lanes_of: Any = None,
         **how: Any,
     ) -> Any:
-        """Compute all lanes; see `Kernel`. `lanes_of` numbers the arm of each lane."""
+        """Compute all lanes; see `Kernel`. `lanes_of` numbers the arm of each lane.
+
+        Raises:
+            LongTapeError: The arm has so many joints that the function is not compiled.
+        """
         given, looked = dict(numbers or {}), dict(tables or {})
         shapes = (
             tuple((name, values.shape[1:]) for name, values in inputs.items()),
@@ -227,6 +234,11 @@ def _kernel(
     bare = replace(tree, turns=np.zeros_like(tree.turns), scale=np.zeros_like(tree.scale))
     with COMPILING:
         kernel = _compiled(bare, pattern, sizes, len(arms) > 1, shapes, what)
+    if kernel is None:
+        raise LongTapeError(
+            f"{arms[0].name}: with {arms[0].n} joints this takes more than {LONGEST:,} operations, "
+            "the most that are compiled; lock joints"
+        )
     return kernel, flat[:, vary]
 
 
@@ -271,7 +283,10 @@ def _numbers(arm: SpaceArm, own: bool) -> Array:
 def _compiled(
     tree: Structure, pattern: bytes, sizes: tuple[Shape, ...], each: bool, shapes: Any, what: Any
 ) -> Any:
-    """Trace and compile a function for arms of one structure, whose numbers are arguments."""
+    """Trace and compile a function for arms of one structure, whose numbers are arguments.
+
+    Returns None where it takes more operations than are compiled.
+    """
     from spacearm.compiler import symbols
     from spacearm.compiler.kernel import compiled
 
@@ -289,4 +304,7 @@ def _compiled(
     inputs, numbers, tables = map(dict, shapes)
     varied = {"own": (int((known == 2.0).sum()),)}
     inputs, numbers = (varied | inputs, numbers) if each else (inputs, varied | numbers)
-    return compiled(traced, inputs, numbers, tables, dict(outside), lanes=lanes, fast=fast)
+    try:
+        return compiled(traced, inputs, numbers, tables, dict(outside), lanes=lanes, fast=fast)
+    except LongTapeError:
+        return None

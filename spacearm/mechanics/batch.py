@@ -17,6 +17,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array, ArrayLike, Integers, Progress, numbers_of, whole
+from spacearm.compiler.expressions import LongTapeError
 from spacearm.compiler.machine import processors
 from spacearm.equations import measures
 from spacearm.equations.kinematics import jacobian
@@ -247,7 +248,8 @@ def _measured(
     if names and worth_compiling(rows, SINGLY):
         wide, known = arm_kernels.WIDE, {"names": names}
         kernel = ArmKernel([arm], mode, measures.measures, known, lanes=wide, rows=rows)
-        return kernel({"q": Q}, out=out)
+        with suppress(LongTapeError):
+            return kernel({"q": Q}, out=out)
     columns = np.full((len(names), len(Q)), np.nan)
     for i, q in enumerate(Q if names else ()):
         cfg = arm.at(q)
@@ -302,7 +304,8 @@ def generalized_jacobians(
 
     def compute(rows: Rows, places: Mapping[str, Array | None]) -> Rows:
         if worth_compiling(len(Q), SINGLY):
-            return {"J": kernel(rows, out=[places["J"]])}
+            with suppress(LongTapeError):
+                return {"J": kernel(rows, out=[places["J"]])}
         return {"J": np.array([generalized_jacobian(arm.at(q)) for q in rows["q"]])}
 
     fill({"J": J}, {"q": Q}, compute, threads, progress)
@@ -404,7 +407,7 @@ def _rows(values: ArrayLike | None, m: int, width: int, what: str) -> Array:
 def _accelerated(
     arm: SpaceArm, mode: BaseMode, links: tuple[str, ...], rows: Rows, place: Array | None
 ) -> Array:
-    """Compute accelerations (m, n) by compiled code."""
+    """Compute accelerations (m, n) by compiled code, of arms too long for that one by one."""
     frames = arm.model.frames
     pushed = [frames[arm.model.getFrameId(link, pin.BODY)] for link in links]
     wheels = arm.wheels if "spin" in rows else ()
@@ -419,7 +422,9 @@ def _accelerated(
     if links:
         given["wrenches"] = np.stack([rows[f"wrench on {link}"] for link in links], axis=1)
     kernel = ArmKernel([arm], mode, loaded_accelerations, {"setup": setup})
-    return kernel(given, {"placed": placed}, out=[place])
+    with suppress(LongTapeError):
+        return kernel(given, {"placed": placed}, out=[place])
+    return _accelerated_singly(arm, mode, links, rows, place)
 
 
 def _accelerated_singly(

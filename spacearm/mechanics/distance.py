@@ -35,6 +35,7 @@ import numpy as np
 
 from spacearm.arrays import Array, Integers
 from spacearm.compiler import numbers
+from spacearm.compiler.expressions import LongTapeError
 from spacearm.equations.measures import NOTHING, ZERO, distance, way_out
 from spacearm.mechanics.arm_kernels import WIDE, ArmKernel, worth_compiling
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
@@ -279,7 +280,10 @@ def linearise(
     if arm.n < arm.task.k or not worth_compiling(many, SINGLY):
         return linearise_singly(arm, Q, mode, fading)
     kernel = ArmKernel([arm], mode, distance, lanes=WIDE, rows=many)
-    far, sigma, rows = kernel({"q": Q}, {"fading": fading, "radians": joint_scales(arm)})
+    try:
+        far, sigma, rows = kernel({"q": Q}, {"fading": fading, "radians": joint_scales(arm)})
+    except LongTapeError:
+        return linearise_singly(arm, Q, mode, fading)
     on_it = far == 0.0
     if on_it.any():  # singular all around, it has no normal
         rows[on_it] = np.where(np.isnan(rows[on_it]), 0.0, rows[on_it])
