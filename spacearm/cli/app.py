@@ -66,6 +66,14 @@ COMMANDS = {
         not contain --task and --joints: give them again.
         """,
     ),
+    "export": Command(
+        "models.export_to_file",
+        """Write a robot or a motion for other programs.
+
+        The suffix of --output is the format: URDF, MJCF, SDF or C code of the robot; with --motion
+        CSV, MATLAB, JSON, MCAP, NetCDF or Zarr of a saved motion.
+        """,
+    ),
     "query": Command(
         "queries.report_singularity",
         "Report whether a posture is singular and which motions are lost.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,7 +11,7 @@ import typer
 import spacearm as sa
 from spacearm.cli import options as opt
 from spacearm.cli.output import print_description, print_json
-from spacearm.errors import listed
+from spacearm.errors import listed, require_known
 from spacearm.results import Cell, Column, Description, Table
 
 
@@ -98,3 +99,52 @@ def _write_urdf(
 
 #: The commands mount and convert: with --bus the arm is mounted.
 write_urdf = opt.on_a_model(_write_urdf, named=True)
+
+
+#: What writes a robot to a file, by the suffix of the file.
+ROBOT_WRITERS: dict[str, Callable[[sa.SpaceArm, Path], Path]] = {
+    ".urdf": lambda arm, path: arm.to_urdf(path),
+    ".xml": sa.to_mjcf,
+    ".sdf": sa.to_sdf,
+}
+#: Suffixes of the files of motions.
+MOTION_SUFFIXES = (".csv", ".mat", ".json", ".mcap", ".nc", ".zarr")
+
+
+@opt.on_a_model
+def export_to_file(
+    arm: sa.SpaceArm,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE|FOLDER",
+            help="File to write; its suffix is the format. A robot: .urdf, .xml (MJCF), .sdf; "
+            f"a motion: {', '.join(MOTION_SUFFIXES)}. A name without a suffix is a folder for C "
+            "code of the robot.",
+        ),
+    ],
+    motion: Annotated[
+        Path | None,
+        typer.Option(metavar="NPZ", help="Export this motion, written by --save, not the robot."),
+    ] = None,
+    mode: opt.Mode = "free-floating",
+    servo: Annotated[bool, typer.Option("--servo", help="Add the servo to the C code.")] = False,
+) -> None:
+    """Write a robot or a motion for other programs."""
+    suffix = output.suffix.lower()
+    written: Sequence[Path]
+    if motion is not None:
+        require_known("suffix of a motion's file", suffix, MOTION_SUFFIXES, f"--output {output}: ")
+        written = [sa.write_motion(sa.Motion.load(motion, arm), output)]
+    elif not suffix:
+        try:
+            output.mkdir(exist_ok=True)
+        except OSError as error:
+            raise sa.SpaceArmError(f"--output {output}: no folder can be made: {error}") from None
+        written = sa.to_c(arm, output, mode=mode, servo=servo)
+    else:
+        require_known("suffix of a robot's file", suffix, ROBOT_WRITERS, f"--output {output}: ")
+        written = [ROBOT_WRITERS[suffix](arm, output)]
+    print_description(Description(title=f"wrote {listed([str(path) for path in written])}"))

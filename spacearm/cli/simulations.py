@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import pinocchio as pin
 import typer
 
 import spacearm as sa
@@ -15,13 +17,13 @@ from spacearm.cli import options as opt
 from spacearm.cli.output import Answer, out, print_json, save_phases, say_stopped, working
 from spacearm.cli.questions import With, controller_of, question
 from spacearm.cli.wording import INTERRUPTED
-from spacearm.motion.controllers import LAWS, TipLaw
+from spacearm.motion.controllers import LAWS, Controller, TipLaw
 from spacearm.servo.servo import LONGEST, SLOW, STOP
 from spacearm.servo.watching import recorded
 from spacearm.sweeps.motion_tables import read_integration, read_phases, read_plant, read_sampling
 from spacearm.sweeps.toml import Table
 
-KNOWN_LAWS = ", ".join(LAWS)
+KNOWN_LAWS = ", ".join((*LAWS, "Tracking (with --motion)"))
 #: Arguments of `simulate` that are taken from a table as they are.
 PLAIN = ("mode", "origin", "stop", "dq")
 OBJECTS = ("start", "controller", "duration", "plant", "sampling", "integration")
@@ -46,7 +48,19 @@ def simulate_motion(
             help=f"Control law: {KNOWN_LAWS}. Give its gains by --with controller.kp=... .",
         ),
     ] = None,
-    duration: Annotated[float | None, typer.Option(help="Duration [s]. Default: 60.")] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(help="Duration [s]. Default: 60, or that of --motion."),
+    ] = None,
+    motion: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="NPZ",
+            help="Motion to track with the law Tracking (computed torque), written by --save of "
+            "plan, follow or simulate. Other laws take its last posture as their target. The "
+            "simulation starts where it does.",
+        ),
+    ] = None,
     attitude: opt.Attitude = None,
     mode: opt.MaybeMode = None,
     more: With = None,
@@ -54,25 +68,43 @@ def simulate_motion(
     deg: bool = False,
 ) -> Answer:
     """Simulate an arm under a control law."""
+    tracked = None if motion is None else sa.Motion.load(motion, arm)
+    if tracked is not None and mode is None:
+        mode = tracked.mode
     asked = question(more, *OBJECTS, *PLAIN, "phases", mode=mode)
-    start = opt.configuration(arm, q, attitude, deg, asked.inner("start"))
+    if tracked is None or q or attitude is not None or "start" in asked.values:
+        start = opt.configuration(arm, q, attitude, deg, asked.inner("start"))
+    else:
+        start = tracked[0]
     if "phases" in asked.values:
         given = {"--target": target, "--controller": controller, "--duration": duration,
-                 "--mode": mode}  # fmt: skip
+                 "--motion": motion, "--mode": mode}  # fmt: skip
         if both := [option for option, value in given.items() if value is not None]:
             raise sa.ConfigurationError(f"phases and {both[0]} are given; say it in the phases")
         return _fly(start, asked, save)
     law = asked.inner("controller")
     if controller is not None:
         law.values["law"] = controller
+    if target is not None and tracked is not None:
+        raise sa.ConfigurationError("--target and --motion are given; leave one of them out")
     if target is not None:
         law.values["target"] = _target(arm, law, target, deg)
-    if not law.values.keys() - {"law"}:
-        raise sa.ConfigurationError(
-            "there is no target; give --target, or phases by --with FILE.toml"
-        )
-    laws = controller_of(arm, law)
-    seconds = asked.take("duration", float, 60.0) if duration is None else duration
+    plant = read_plant(asked.inner("plant"))
+    laws: Controller | dict[str, Controller]
+    if tracked is not None and law.values.get("law", "Tracking") == "Tracking":
+        laws = tracking = _tracking(tracked, law)
+        if plant.wheels is None and tracked.wheel_spline is not None:
+            plant = replace(plant, wheels=tracking.wheel_torques)
+    else:
+        if tracked is not None:
+            law.values["target"] = _end_of(tracked, law)
+        if not law.values.keys() - {"law"}:
+            raise sa.ConfigurationError(
+                "there is no target; give --target, --motion, or phases by --with FILE.toml"
+            )
+        laws = controller_of(arm, law)
+    default = 60.0 if tracked is None else float(tracked.t[-1] - tracked.t[0])
+    seconds = asked.take("duration", float, default) if duration is None else duration
     options = asked.some(*PLAIN)
     if isinstance(asked.values.get("stop"), str):
         asked.values["stop"] = [asked.values["stop"]]
@@ -82,7 +114,7 @@ def simulate_motion(
             start,
             laws,
             seconds,
-            plant=read_plant(asked.inner("plant")),
+            plant=plant,
             sampling=read_sampling(asked),
             integration=read_integration(asked.inner("integration"), sa.Integration()),
             progress=progress,
@@ -103,6 +135,25 @@ def _fly(start: sa.Configuration, asked: Table, save: Path | None) -> Answer:
         flight = sa.simulate_phases(start, phases, dq=asked.values.get("dq"), progress=progress)
     code = _ended(flight, f"{len(flight.phases)} of {len(phases)} phases simulated")
     return Answer(flight, code, written=save_phases(flight, save))
+
+
+def _tracking(motion: sa.Motion, law: Table) -> sa.Tracking:
+    """Return the law that tracks a motion, with the parameters of a table."""
+    law.knows("law", "rate")
+    options = {"rate": law.take("rate", float)} if "rate" in law.values else {}
+    return sa.Tracking(motion, **options)
+
+
+def _end_of(motion: sa.Motion, law: Table) -> list[float]:
+    """Return the end of a motion as a law takes its target: joint positions, or task components."""
+    arm = motion.arm
+    if law.values.get("law") == "JointPD":
+        return motion.q[-1].tolist()
+    rows: list[float] = []
+    for tip in motion[-1].tips:
+        pose = np.concatenate((tip.translation, pin.rpy.matrixToRpy(tip.rotation)))
+        rows.extend(pose[list(arm.task.indices[: len(arm.task.rows)])].tolist())
+    return rows
 
 
 def _target(arm: sa.SpaceArm, law: Table, text: str, deg: bool) -> list[float]:

@@ -296,3 +296,55 @@ def test_a_name_that_cannot_be_saved_is_refused_before_the_work(tmp_path):
     done = run(*FIGURE_5, "--duration", 1e6, "--save", "run.csv", cwd=tmp_path)
     assert done.returncode == 2
     assert "saved whole as .npz" in done.stderr
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory):
+    """A folder with a plan of planar2 in a file."""
+    folder = tmp_path_factory.mktemp("planned")
+    sa.plan(sa.load("planar2").at([0.3, 1.2]), (0.9, 1.4)).save(folder / "plan.npz")
+    return folder
+
+
+@pytest.mark.slow
+def test_a_saved_plan_is_tracked_and_other_laws_go_to_its_end(planned):
+    plan = sa.Plan.load(planned / "plan.npz", sa.load("planar2"))
+    words = ["planar2", "--motion", "plan.npz", "--save", "run.npz", "--json"]
+    for law, lasts in ((None, plan.t[-1]), ("JointPD", 90.0), ("TransposedJacobian", 90.0)):
+        more = [] if law is None else ["--controller", law, "--duration", lasts]
+        done = run(*words, *more, cwd=planned)
+        assert done.returncode == 0, done.stderr
+        kept = sa.Trajectory.load(planned / "run.npz", plan.arm)
+        assert kept.t[-1] == pytest.approx(lasts)
+        np.testing.assert_array_equal(kept.q[0], plan.q[0])
+        if law == "JointPD":  # another base motion on the way: the same joints, another tip
+            np.testing.assert_allclose(kept.q[-1], plan.q[-1], atol=2e-3)
+        else:
+            np.testing.assert_allclose(kept.tip[-1, :3], plan.tip[-1, :3], atol=2e-3)
+        if law is None:
+            middle = kept.at(0.5 * plan.t[-1])
+            np.testing.assert_allclose(middle.q, plan.at(0.5 * plan.t[-1]).q, atol=1e-4)
+    both = run(*words, "--target", "1,1", cwd=planned)
+    assert both.returncode == 2
+    assert "--target" in both.stderr
+    assert "--motion" in both.stderr
+
+
+@pytest.mark.slow
+def test_robots_and_motions_are_exported_by_the_suffix(planned):
+    arm = sa.load("planar2")
+    for name in ("arm.urdf", "arm.xml", "arm.sdf"):
+        done = spacearm("export", "planar2", "-o", name, cwd=planned)
+        assert done.returncode == 0, done.stderr
+        again = sa.load(planned / name, tip=arm.tips[0], task="x y")
+        J = sa.generalized_jacobian(again.at([0.3, 1.2]))
+        np.testing.assert_allclose(J, sa.generalized_jacobian(arm.at([0.3, 1.2])), atol=1e-9)
+    for name, wanted in (("code", ["planar2.c", "planar2.h"]), ("way.csv", [])):
+        more = ["--motion", "plan.npz"] if "." in name else []
+        done = spacearm("export", "planar2", *more, "-o", name, cwd=planned)
+        assert done.returncode == 0, done.stderr
+        found = planned / name
+        assert (sorted(p.name for p in found.iterdir()) == wanted) if wanted else found.is_file()
+    wrong = spacearm("export", "planar2", "-o", "arm.csv", cwd=planned)
+    assert wrong.returncode == 2
+    assert ".csv" in wrong.stderr
