@@ -375,7 +375,9 @@ class Freed:
                     arrives = Attempt(f"posture {number}", True, way.travel)
                     return back, way, close, (*attempts.failed, arrives)
         told = [f"{method}: {why}" for method, _, why in attempts.stories[:TOLD]]
-        why = "; ".join(told) or "no time was left"
+        tried = sum(method.startswith("posture") for method, _, _ in attempts.failed)
+        count = f"{tried} posture{'s' * (tried != 1)} at the grasp tried ({self.account.limit})"
+        why = "; ".join([count, *told])
         raise self.account.failure(f"{self.tip} does not regrasp: {why}", attempts.best)
 
 

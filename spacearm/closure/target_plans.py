@@ -178,7 +178,8 @@ class TargetTree:
                     return found
                 best = found
         except TimeUpError as error:
-            why = f"{error}: {self.story}{f'; what was found {why}' * bool(why)}"
+            found_one = f"; what was found {why}" * bool(why)
+            why = f"{error}, {self.account.limit}: {self.story}{found_one}"
         except KeyboardInterrupt:
             self.account.end()
             why = "stopped by Ctrl-C"
@@ -195,7 +196,9 @@ class TargetTree:
         def curve(at: Configuration, piece: following.Segment) -> TargetCurve:
             return TargetCurve(carrying, at, piece, mode, constraints.limits, self.frame)
 
-        led, told = following.told_along(start, seen, pieces, 1.0, False, curve, what="target")
+        led, told = following.told_along(
+            start, seen, pieces, 1.0, False, curve, self.account.tick, what="target"
+        )
         t, rate, bend = resting(led.s, led.dq, pieces, constraints.joint_rates(carrying.arm))
         told |= {"t": t, "dq": rate[:, None] * led.dq, "jumps": ()}
         told["ddq"] = rate[:, None] ** 2 * led.ddq + bend[:, None] * led.dq

@@ -402,12 +402,20 @@ def contacts_of(
 
 
 def contact_on(
-    thing: Configuration | Motion, obstacles: ObstacleLike | Sequence[ObstacleLike]
+    thing: Configuration | Motion,
+    obstacles: ObstacleLike | Sequence[ObstacleLike],
+    check_time: Callable[[], None] = lambda: None,
 ) -> Contact | None:
-    """Return a contact on a motion as `collision_check` does, without distances at its samples."""
+    """Return a contact on a motion as `collision_check` does, without distances at its samples.
+
+    Args:
+        thing: The configuration, or the motion.
+        obstacles: What else must not be met.
+        check_time: As of `Collisions.contact`.
+    """
     otherwise = ", or ask for no check: collisions=False"
     motion, bodies = _moving(thing, obstacles, otherwise=otherwise)
-    return bodies.contact(motion)
+    return bodies.contact(motion, check_time)
 
 
 def _moving(

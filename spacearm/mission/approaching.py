@@ -381,7 +381,7 @@ class Approach:
         rows = samples([placed(start, *row) for row in zip(Q, T, strict=True)])
         for part in (slice(-2, None), slice(None)) if self.constraints.collisions else ():
             way = Motion(start.arm, clock[part], rows["q"][part], rows["base"][part])
-            if contact_on(way, self._around(t - float(clock[-1]))):
+            if contact_on(way, self._around(t - float(clock[-1])), self.account.check_time):
                 return True
         return False
 
@@ -540,7 +540,9 @@ class Approach:
         if not self.constraints.collisions:
             return False
         begin = t - float(reach.t[-1])
-        return begin > self.rests_until or contact_on(reach, self._around(begin)) is not None
+        if begin > self.rests_until:
+            return True
+        return contact_on(reach, self._around(begin), self.account.check_time) is not None
 
     def check_start(self) -> None:
         """Refuse a start at which the target, or an obstacle, is met at once."""
@@ -559,6 +561,7 @@ class Approach:
             contact = contact_on(
                 Motion(self.start.arm, np.array([0.0, end]), row["q"], row["base"]),
                 self._around(0.0),
+                self.account.check_time,
             )
             if contact is None:
                 return end
@@ -651,7 +654,8 @@ class Approach:
         """Refuse a motion to contact at a time on which anything is met."""
         if not self.constraints.collisions:
             return
-        contact = contact_on(chase, self._around(begin := t - float(chase.t[-1])))
+        begin = t - float(chase.t[-1])
+        contact = contact_on(chase, self._around(begin), self.account.check_time)
         if contact is not None:
             meet = f"{' and '.join(contact.links)} meet after {begin + contact.t:.4g} s"
             raise NoSolutionError(meet)

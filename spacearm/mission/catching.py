@@ -19,7 +19,7 @@ from spacearm.mission.catch_report import Candidate, Catch
 from spacearm.mission.two_hands import HandsApproach
 from spacearm.model.arguments import FLOATING, BaseMode
 from spacearm.model.arm import Configuration
-from spacearm.planning.account import SearchAccount, TimeUpError
+from spacearm.planning.account import SHORTEST, SearchAccount, TimeUpError
 from spacearm.planning.request import Constraints, Joints, Search
 from spacearm.signatures import checked
 
@@ -134,7 +134,12 @@ def catch(
             ended = ended or account.left <= 0.0
             if enough or ended:
                 break
-            look = replace(search, seed=search.seed + number, timeout=account.left, progress=None)
+            look = replace(
+                search,
+                seed=search.seed + number,
+                timeout=max(account.left, SHORTEST),
+                progress=None,
+            )
             straight = kept.setdefault((t, name), request.straight(t, name, look))
             try:
                 account.check_time()

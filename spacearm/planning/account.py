@@ -46,6 +46,8 @@ REMEDIES = {
     "turn": "allow a larger turn, or let more joints count (joints='all')",
     "landing": "give a longer timeout, another seed, or a posture in between (sa.Joints)",
 }
+#: Shortest time that a part of a search is given [s].
+SHORTEST = 1e-6
 
 
 class TimeUpError(Exception):
@@ -87,6 +89,11 @@ class SearchAccount:
     def left(self) -> float:
         """Time that it may still take [s]."""
         return self.timeout - self.elapsed
+
+    @property
+    def limit(self) -> str:
+        """The time limit, in words."""
+        return f"timeout = {self.timeout:.3g} s"
 
     def part(self, timeout: float) -> SearchAccount:
         """Return a search of its own that may take this time [s], if the whole has so much left."""

@@ -28,6 +28,7 @@ Rounding is counted as in `certificate`.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -209,6 +210,26 @@ class Expansion(NamedTuple):
         amount[:, : own.linear] = np.where(inner, lowest, slope - bow)
         taken = amount @ own.share + (size[:, None] @ self.beyond)[:, 0]
         return (a * self.value - size * self.noise).sum(axis=1) - taken.sum(axis=1), taken
+
+
+class Effort(NamedTuple):
+    """How a region grows, and how long.
+
+    Attributes:
+        step: By how much a side moves at first, in units of `joint_scales`.
+        cells: Cells that the proofs of a region may take.
+        slab: Cells that the proof of one slab may take.
+        ends: Time of the monotonic clock after which nothing more is tried [s].
+    """
+
+    step: float
+    cells: int
+    slab: int
+    ends: float = math.inf
+
+    def spent(self, cells: int) -> bool:
+        """Return whether so many cells are all that may be looked at, or the time is up."""
+        return cells >= self.cells or time.monotonic() >= self.ends
 
 
 class Trial(NamedTuple):

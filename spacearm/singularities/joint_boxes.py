@@ -33,7 +33,7 @@ from spacearm.files import write
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_scales
-from spacearm.polynomial.free_regions import Region, Roots, halved, shrunk
+from spacearm.polynomial.free_regions import Effort, Region, Roots, halved, shrunk
 from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.tubes import ROUNDING, about_box
 from spacearm.results import Cell, Description, Result, Table, joint_measures
@@ -278,20 +278,6 @@ def free_box(
     return grown(about, region, mode, joints, at_least, within, clearance, progress, effort).box()
 
 
-class Effort(NamedTuple):
-    """How a box grows, and how long.
-
-    Attributes:
-        step: By how much a side moves at first, in units of `joint_scales`.
-        cells: Cells that the proofs of a box may take.
-        slab: Cells that the proof of one slab may take.
-    """
-
-    step: float
-    cells: int
-    slab: int
-
-
 def grown(
     about: Postures,
     region: Callable[[Array, Array, Array, Array], Region],
@@ -470,7 +456,7 @@ class Growth:
             self.stopped[side] = ("turn" if here >= turn else "limit", None)
         elif cap - here <= MORE * margin:
             self.stopped[side] = ("singular", root)
-        elif step[side] < margin / 4.0 or self.cells >= self.effort.cells:
+        elif step[side] < margin / 4.0 or self.effort.spent(self.cells):
             self.stopped[side] = ("undecided", None)
         else:
             wanted = here + widest - width
@@ -575,7 +561,7 @@ class Growth:
             narrow = half.max(axis=1).min() < NARROW
             proven = float(begin[left][0]) if root is None else -np.inf
             most = self.effort.slab * (PATIENCE if -np.inf < proven < enough else 1)
-            done = looked >= most or self.cells >= self.effort.cells
+            done = looked >= most or self.effort.spent(self.cells)
             if root is not None or done or narrow:
                 return proven, root
             if not self.clearance:

@@ -16,6 +16,7 @@ from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
 from spacearm.motion.goal import Goal, Origin
+from spacearm.planning.account import SHORTEST, SearchAccount, TimeUpError
 from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Joints, Search
 from spacearm.planning.result import Plan
@@ -314,7 +315,7 @@ def robust_plan(
         duration: When the motion ends [s].
         origin: Where the inertial frame has its origin.
         constraints: What must hold; the clearance asked for is the least that is tried.
-        search: How to look for each plan, and for how long.
+        search: How to look for each plan; `timeout` is for the whole call [s].
 
     Returns:
         The plan and the proof.
@@ -335,7 +336,10 @@ def robust_plan(
             "start is not a configuration of the uncertain arm; make it by uncertain.arm.at(q)"
         )
     last: Plan | None = None
+    account, tried = SearchAccount(search.timeout), 0
     for clearance in CLEARANCES:
+        if account.left <= 0.0:
+            break
         least = max(float(np.radians(clearance)), constraints.clearance or 0.0)
         try:
             last = plan(
@@ -346,16 +350,23 @@ def robust_plan(
                 duration=duration,
                 origin=origin,
                 constraints=replace(constraints, clearance=least),
-                search=search,
+                search=replace(search, timeout=max(account.left, SHORTEST)),
             )
-        except NoSolutionError:
+            proof = is_free_for_all(uncertain, last, progress=account.tick)
+        except (NoSolutionError, TimeUpError):
             break
-        proof = is_free_for_all(uncertain, last)
+        tried += 1
         if proof:
             return last, proof
+    which = "no plan that was found"
+    if tried:
+        which = f"no plan with a clearance up to {CLEARANCES[tried - 1]:g}°"
+    count = f"{tried} of {len(CLEARANCES)} clearances were tried"
+    if account.left <= 0.0:
+        count = f"the search ended after {account.limit}, when {count}; give a longer timeout"
     raise NoSolutionError(
-        f"{uncertain.arm.name}: no plan with a clearance up to {CLEARANCES[-1]:g}° is free of "
-        "singularities for all values in the intervals; narrow them, or go elsewhere",
+        f"{uncertain.arm.name}: {which} is free of singularities for all values in the intervals "
+        f"({count}); narrow them, or go elsewhere",
         last,
     )
 

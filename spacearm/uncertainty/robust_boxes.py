@@ -15,6 +15,7 @@ regular none of these arms is singular. The parameters are further coordinates o
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,18 +23,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spacearm.arrays import Array, ArrayLike, Booleans, Integers, Progress
+from spacearm.arrays import Array, ArrayLike, Booleans, Integers, Progress, positive
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.batch import tips_from_centre
 from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import SpaceArm
-from spacearm.polynomial.free_regions import Trial
+from spacearm.polynomial.free_regions import Effort, Trial
 from spacearm.polynomial.jets import Jets, stacked
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.tubes import Form
 from spacearm.polynomial.univariate import Complex
 from spacearm.signatures import checked
-from spacearm.singularities.joint_boxes import Effort, FreeBox, Postures, grown
+from spacearm.singularities.joint_boxes import FreeBox, Postures, grown
 from spacearm.singularities.polynomials import chart_of
 from spacearm.singularities.regularity import SURE, Momenta, determinants, strongly_regular
 from spacearm.uncertainty.intervals import UncertainArm
@@ -298,6 +299,7 @@ def free_box_for_all(
     at_least: float | None = None,
     within: tuple[ArrayLike, ArrayLike] | None = None,
     clearance: float = 0.0,
+    timeout: float | None = None,
     progress: Progress | None = None,
 ) -> FreeBox:
     """Find joint ranges in which nothing is singular for all values in the intervals, proven.
@@ -313,6 +315,8 @@ def free_box_for_all(
         at_least: Width that every range must have [rad].
         within: (n,) least and (n,) largest positions allowed; the joint limits if None.
         clearance: How far every singular configuration of every arm must be from the box [rad].
+        timeout: Time after which sides that are not settled are "undecided" [s]. Without one only
+            the number of cells is limited, and the box is the same on every machine.
         progress: Called now and then as progress(done, most); it may end before.
 
     Returns:
@@ -331,6 +335,10 @@ def free_box_for_all(
         >>> (box.upper < sa.free_box(arm.at([0.3, 1.2])).upper).any()
         np.True_
     """
+    effort = EFFORT
+    if timeout is not None:
+        ends = time.monotonic() + positive(timeout, "timeout", "time [s]")
+        effort = effort._replace(ends=ends)
     arm = uncertain.arm
     if about.arm is not arm:
         raise ConfigurationError("about is of another arm; give a configuration of uncertain.arm")
@@ -344,7 +352,7 @@ def free_box_for_all(
     def region(*where: Array) -> Family:
         return Family(momenta, *where)
 
-    growth = grown(about, region, FLOATING, joints, at_least, within, clearance, progress, EFFORT)
+    growth = grown(about, region, FLOATING, joints, at_least, within, clearance, progress, effort)
     box, n = growth.box(), arm.n
     stops = []
     for stop in box.stops:

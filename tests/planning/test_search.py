@@ -178,5 +178,5 @@ def test_a_goal_out_of_reach_is_refused_within_the_time():
 
 def test_a_plan_that_is_not_found_in_time_names_the_limit():
     start = sa.load("planar2").at([0.3, 1.2])
-    with pytest.raises(sa.NoSolutionError, match=r"\(timeout 1e-09 s\)"):
+    with pytest.raises(sa.NoSolutionError, match=r"\(timeout = 1e-09 s\)"):
         sa.plan(start, (0.9, 1.4), search=sa.Search(timeout=1e-9))

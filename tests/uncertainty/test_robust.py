@@ -363,3 +363,19 @@ def test_bad_input(arm, about):
     never = sa.uncertain(sa.load("planar2", task="x y rz"), {"link_1": {"mass": 0.1}})
     with pytest.raises(sa.UnsupportedError):
         sa.is_free_for_all(never, np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize("timeout", [1e-9, 3600.0])
+def test_the_time_of_a_robust_plan_is_that_of_all_its_plans(timeout, monkeypatch):
+    """It says how many clearances were tried, and names the time where that ended the search."""
+    arm = sa.load("planar2")
+    about = sa.uncertain(arm, {"link_1": {"mass": 0.1}})
+    monkeypatch.setattr("spacearm.uncertainty.robust.is_free_for_all", lambda *_, **__: False)
+    words = r"7 of 7 clearances were tried\)"
+    if timeout < 1.0:
+        words = r"timeout = 1e-09 s, when 0 of 7 clearances were tried; give a longer timeout"
+    monkeypatch.setattr("spacearm.uncertainty.robust.CLEARANCES", (0.1,) * 7)
+    with pytest.raises(sa.NoSolutionError, match=words):
+        sa.robust_plan(
+            about, arm.at([0.3, 1.2]), sa.Joints([0.4, 1.1]), search=sa.Search(timeout=timeout)
+        )

@@ -115,3 +115,18 @@ def test_what_is_of_another_arm_is_refused():
     about = sa.uncertain(arm, {"link_1": {"mass": 0.1}})
     with pytest.raises(sa.ConfigurationError, match="another arm"):
         sa.free_box_for_all(about, sa.load("mda6").at(np.zeros(6)))
+
+
+def test_time_limits_the_proof_of_a_box():
+    """What is not settled by then is undecided; the ranges that are proven hold all the same."""
+    arm = sa.load("planar2")
+    about = sa.uncertain(arm, {"link_1": {"mass": 0.1}})
+    long = sa.free_box_for_all(about, arm.at([0.3, 1.2]), timeout=3600.0)
+    short = sa.free_box_for_all(about, arm.at([0.3, 1.2]), timeout=1e-9)
+    assert any(stop.why == "singular" for stop in long.stops)
+    assert all(stop.why in ("undecided", "irrelevant") for stop in short.stops)
+    assert (short.lower >= long.lower - 1e-12).all()
+    assert (short.upper <= long.upper + 1e-12).all()
+    assert short.contains([0.3, 1.2])
+    with pytest.raises(sa.ConfigurationError, match="timeout is 0"):
+        sa.free_box_for_all(about, arm.at([0.3, 1.2]), timeout=0)

@@ -78,7 +78,7 @@ def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]
     if not account.ended:
         problem.require_side()
     rounds = f"{account.rounds + 1} rounds" if account.rounds else "1 round"
-    time = f"{account.elapsed:.1f} s (timeout {account.timeout:.3g} s)"
+    time = f"{account.elapsed:.1f} s ({account.limit})"
     parts = (f"no plan found in {time}, {rounds}", account.verdict, attempts.told)
     raise account.failure(
         f"{problem.start.arm.name}: {'. '.join(filter(None, parts))}",

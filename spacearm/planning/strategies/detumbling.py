@@ -107,9 +107,9 @@ class Detumbling:
         told = f" Last attempts: {'; '.join(reasons)}." if reasons else ""
         raise self.account.failure(
             f"{name}: no plan found that ends at rest, in {len(failed)} "
-            f"attempt{'s' * (len(failed) != 1)}; torque and capacity of the wheels take at least "
-            f"{least:.4g} s.{told} To relax: give a longer duration, or leave final_attitude or "
-            "joints of the goal open",
+            f"attempt{'s' * (len(failed) != 1)} ({self.account.limit}); torque and capacity of "
+            f"the wheels take at least {least:.4g} s.{told} To relax: give a longer timeout or "
+            "duration, or leave final_attitude or joints of the goal open",
             self.best or alone,
         )
 

@@ -110,7 +110,7 @@ class Drift:
         asked = f"momentum {h}" if v is None else f"momentum {h} and final_twist {v.tolist()}"
         raise self.account.failure(
             f"{self.start.arm.name}: no plan found with {asked}, in {len(tried)} "
-            f"attempt{'s' * (len(tried) != 1)}. {self.attempts.told}",
+            f"attempt{'s' * (len(tried) != 1)} ({self.account.limit}). {self.attempts.told}",
             self.best or best_attempt(self.start, None, tried),
         )
 

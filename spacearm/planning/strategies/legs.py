@@ -96,7 +96,8 @@ def _found(request: PlanRequest, durations: Sequence[float | None]) -> tuple[Pla
             whole = covered(whole, request.constraints.collisions)
             return whole, np.array([leg.t[-1] for leg in legs])
     told = dict.fromkeys(f"{method}: {why}" for method, _, why in attempts.failed)
-    nothing = f"{request.start.arm.name}: no leg found in {request.account.elapsed:.1f} s"
+    account = request.account
+    nothing = f"{request.start.arm.name}: no leg found in {account.elapsed:.1f} s ({account.limit})"
     best = attempts.best if isinstance(attempts.best, Plan) else best_attempt(request.start, None)
     raise request.account.failure("; ".join(told) or nothing, best)
 
