@@ -241,7 +241,7 @@ class TargetCurve(following.TipCurve):
         for tip, grasp in zip(cfg.tips, self.carrying.grasps, strict=True):
             there = pose * grasp
             moved = carried(there.translation - pose.translation) @ twist
-            x.append(moved + following.RETURN * goals.twist_between(tip, there))
+            x.append(moved + self.correction * goals.twist_between(tip, there))
         return np.concatenate(x)
 
     def adrift(self, cfg: Configuration) -> Array:

@@ -254,10 +254,7 @@ class HandsCurve(following.TipCurve):
         """Return the twists (6 tips,) of the tips, and back to where they should be."""
         pairs = zip(cfg.tips, self.segments, strict=True)
         return np.concatenate(
-            [
-                one.twist(s) + following.RETURN * twist_between(tip, one.pose(s))
-                for tip, one in pairs
-            ]
+            [one.twist(s) + self.correction * twist_between(tip, one.pose(s)) for tip, one in pairs]
         )
 
     def place(self, cfg: Configuration) -> Array:

@@ -48,6 +48,8 @@ Path: TypeAlias = Sequence[Goal] | Array | Callable[[float], Goal]
 BEGIN = 1e-6
 #: Intervals in which the length of a path in time is summed up.
 KNOTS = 2000
+#: Radians of the joints that the time of a path counts for at most: a second counts for one.
+LONGEST = 40.0
 #: Half the length over which the direction of a path is taken [m].
 DIFFERENCE = 1e-6
 
@@ -60,12 +62,14 @@ class Segment(NamedTuple):
         pose: The tip pose at a length along it; what the task leaves open does not matter.
         twist: (6,) the derivative of the pose with respect to that length.
         straight: Whether that derivative is constant.
+        unit: Length along it that counts as much as a radian of the joints.
     """
 
     length: float
     pose: Callable[[float], pin.SE3]
     twist: Callable[[float], Array]
     straight: bool
+    unit: float = 1.0
 
 
 def path_start(cfg: Configuration, path: Path) -> pin.SE3:
@@ -194,26 +198,17 @@ def timed_curve(cfg: Configuration, path: Path, times: ArrayLike, at_rest: bool)
         turn = pin.Quaternion(dx[3:]) * pin.Quaternion(x[3:]).inverse()
         return np.concatenate((dx[:3], 2.0 * turn.coeffs()[:3]))
 
-    return Segment(float(t[-1]), pose, twist, False)
-
-
-def lengths_at(cfg: Configuration, curve: Segment) -> tuple[Array, Array]:
-    """Return times (m,) [s] and the length (m,) of a path in time behind the tip at each."""
-    task, t = cfg.arm.task, np.linspace(0.0, curve.length, KNOTS + 1)
-    units = np.where(np.array(task.indices) < 3, 1.0, task.length or 1.0)
-    v = np.array([np.linalg.norm(units * goals.goal_rows(cfg, curve.twist(x))) for x in t])
-    return t, np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)))
+    return Segment(float(t[-1]), pose, twist, False, max(1.0, float(t[-1]) / LONGEST))
 
 
 #: Length of the curve in (q, s) over which its tangent is differenced [rad], [m].
 AHEAD = 1e-4
 #: Share of the largest joint rate up to which rates do not jump.
 SMOOTH = 1e-7
-#: Rate at which the tip returns to its path from rounding errors [1/m].
+#: Rate at which the tip returns to its path from rounding errors, for a `Segment.unit`.
 RETURN = 10.0
 RTOL, ATOL = 1e-10, 1e-11
-#: Path over the joint motion that leads along it [m/rad], below which a redundant arm is stuck; and
-#: what is said then.
+#: Path over joint motion [m/rad] below which a redundant arm is stuck, and what is said then.
 CRAWL, STUCK = 1e-5, "where the joints move 1e5 times as far as what they lead"
 #: Distance by which a singular posture counts as met [rad].
 ROUNDING = 1e-6
@@ -236,6 +231,7 @@ class TipCurve:
     def __init__(self, cfg: Configuration, segment: Segment, mode: BaseMode, limits: bool) -> None:
         self.arm, self.start, self.segment = cfg.arm, cfg, segment
         self.mode, self.limits = mode, limits
+        self.correction = RETURN / segment.unit
         self.moving = bool(cfg.momentum.any() or cfg.wheels.any())
         self.drift = cfg.momentum[:3] / cfg.arm.mass
         self.square = self.arm.task.k == self.arm.n
@@ -259,7 +255,8 @@ class TipCurve:
 
     def wanted(self, cfg: Configuration, s: float) -> Array:
         """Return the twists (6 tips,) of the tips along the path, for a unit of s."""
-        return self.segment.twist(s) + RETURN * goals.twist_between(cfg.tip, self.segment.pose(s))
+        error = goals.twist_between(cfg.tip, self.segment.pose(s))
+        return self.segment.twist(s) + self.correction * error
 
     def adrift(self, cfg: Configuration) -> Array:
         """Return the twists (6 tips,) of the tips by the momentum alone."""
@@ -274,20 +271,23 @@ class TipCurve:
         return cfg.tip.translation
 
     def tangent(self, cfg: Configuration, s: float) -> Array:
-        """Return the unit vector (dq, ds) along the curve.
+        """Return the vector (dq, ds) along the curve, of length 1 where ds is in `Segment.unit`.
 
         Of a redundant arm the joint rates are the least; of others ds changes its sign with det J*,
         so that the curve goes on beyond a singularity, back along the path.
         """
-        J, twist = self.jacobian(cfg), self.wanted(cfg, s)
-        x = goals.goal_rows(cfg, twist - self.adrift(cfg) if self.moving else twist)
-        if not self.square:
+        J, twist, unit = self.jacobian(cfg), self.wanted(cfg, s), self.segment.unit
+        x = unit * goals.goal_rows(cfg, twist - self.adrift(cfg) if self.moving else twist)
+        if self.square:
+            along = np.linalg.svd(np.column_stack((J, -x)))[2][-1]
+            along = along * self.sense * np.sign(np.linalg.det(J)) * np.sign(along[-1])
+        else:
             back = np.linalg.pinv(J)
-            inner = self.inner(cfg)
+            inner = unit * self.inner(cfg)
             along = np.append(back @ x + inner - back @ (J @ inner), 1.0)
-            return along / np.linalg.norm(along)
-        along = np.linalg.svd(np.column_stack((J, -x)))[2][-1]
-        return along * self.sense * np.sign(np.linalg.det(J)) * np.sign(along[-1])
+            along = along / np.linalg.norm(along)
+        along[-1] *= unit
+        return along
 
     def rate(self, _: float, y: Array) -> Array:
         """Return the derivative of the state with respect to the length of the curve."""
@@ -307,7 +307,7 @@ class TipCurve:
         d^2 q / ds^2 = (q'' - s'' q' / s') / s'^2. Second derivatives are differences of the
         tangent, ahead only where the path begins.
         """
-        starts = y[-1] < AHEAD
+        starts = y[-1] < AHEAD * self.segment.unit
         places, weights = ((0, 1, 2), (-1.5, 2.0, -0.5)) if starts else ((-1, 0, 1), (-0.5, 0, 0.5))
         here = self.rate(0.0, y)
         tangents = np.array([self._tangent_beyond(y, here, AHEAD * i) for i in places])
@@ -333,7 +333,9 @@ class TipCurve:
         inside = np.minimum(arm.upper - q, q - arm.lower).min() + events.ROUNDING
         return np.array([clear, self.segment.length - y[-1], inside if self.limits else 1.0])
 
-    def integrate(self, progress: Callable[[float, float], object] | None) -> tuple[Array, Event]:
+    def integrate(
+        self, progress: Callable[[float, float], object] | None, behind: float, whole: float
+    ) -> tuple[Array, Event]:
         """Return the states (m, n + 5) up to the end, and the event that ends the segment.
 
         Raises:
@@ -347,7 +349,7 @@ class TipCurve:
             if failure := solver.step():
                 raise NoSolutionError(f"{self.arm.name}: the path cannot be followed: {failure}")
             if progress:
-                progress(float(solver.y[-1]), self.segment.length)
+                progress(behind + min(float(solver.y[-1]), self.segment.length), whole)
             piece, begin, fall = solver.dense_output(), solver.t_old, None
 
             def along(t: float, piece: Any = piece) -> Array:
@@ -569,7 +571,7 @@ def rows_along(
     whole = sum(piece.length for piece in pieces)
     for piece in pieces:
         curve = curve_of(cfg, piece)
-        y, end = curve.integrate(progress and partial(_told, progress, behind, whole))
+        y, end = curve.integrate(progress, behind, whole)
         unbounded = curve.square and end.kind == "singularity"
         inside = [state_of(cfg, 0.0), *(y[:-1] if unbounded else y)]
         rates = np.array([curve.motion(state, pace) for state in inside])
@@ -599,13 +601,6 @@ def rows_along(
         tuple(jump for jump in jumps if np.abs(jump.change).max() > least),
     )
     return led, end, curve.place(led.rows[-1])
-
-
-def _told(
-    progress: Callable[[float, float], object], behind: float, whole: float, s: float, length: float
-) -> None:
-    """Report how much of the whole path is followed, from how much of a piece is."""
-    progress(behind + min(s, length), whole)
 
 
 def told_along(
@@ -653,8 +648,11 @@ def lengths_of(
     """Return the length of path behind what is led (m,), and of the whole path."""
     if not timed:
         return s, sum(piece.length for piece in pieces)
-    clock, behind = lengths_at(cfg, pieces[0])
-    return np.interp(s, clock, behind), float(behind[-1])
+    task, t = cfg.arm.task, np.linspace(0.0, pieces[0].length, KNOTS + 1)
+    units = np.where(np.array(task.indices) < 3, 1.0, task.length or 1.0)
+    v = np.array([np.linalg.norm(units * goals.goal_rows(cfg, pieces[0].twist(x))) for x in t])
+    behind = np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)))
+    return np.interp(s, t, behind), float(behind[-1])
 
 
 def check_start(

@@ -11,6 +11,7 @@ from scipy.interpolate import make_interp_spline
 
 import spacearm as sa
 from spacearm.mechanics.jacobian import generalized_jacobian_rate
+from spacearm.motion import following
 from spacearm.motion.following import Segment, TipCurve, state_of
 
 E, A, B, C = (2.0, 0.0), np.radians([-57.936, 60.337]), (1.5, 1.5), np.array([1.0, 0.0])
@@ -449,3 +450,31 @@ def test_progress_is_that_of_the_whole_path():
     assert told == sorted(told)
     assert {of for _, of in told} == {told[-1][0]}
     assert told[-1][0] == pytest.approx(found.length)
+
+
+@pytest.mark.parametrize("name", ["planar2", pytest.param("chaser7", marks=pytest.mark.slow)])
+def test_what_a_second_counts_changes_no_motion(name, monkeypatch):
+    """A second counts less on a long path, for the integrator alone; with momentum, too."""
+    arm = sa.load(name)
+    start = arm.at([0.3, 1.2] if name == "planar2" else [0.1, 1.0, 0.1, 1.0, 0.1, 1.0, 0.1])
+    start = start.with_momentum(0.01 * np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0]))
+    goal = start.tip * pin.SE3(np.eye(3), np.array([0.02, -0.03, 0.0]))
+    runs = []
+    for longest in (40.0, 0.25):
+        monkeypatch.setattr(following, "LONGEST", longest)
+        runs.append(sa.follow(start, [goal], times=[2.0], limits=False))
+    many, few = runs
+    assert many.arrived
+    assert few.arrived
+    assert len(few.t) < len(many.t)
+    for name in ("q", "dq", "ddq", "s"):
+        there = make_interp_spline(many.t, getattr(many, name), k=5)(few.t[:-1])
+        size = np.abs(getattr(many, name)).max()
+        np.testing.assert_allclose(getattr(few, name)[:-1], there, rtol=0.0, atol=1e-5 * size)
+
+
+@pytest.mark.slow
+def test_a_path_of_hours_has_no_more_rows_than_one_of_a_minute():
+    start = sa.load("planar2").at([0.3, 1.2])
+    rows = [len(sa.follow(start, [(1.5, 1.2)], times=[t]).t) for t in (60.0, 18262.0, 1e9)]
+    assert max(rows) < 1.1 * min(rows)
