@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import codecs
 import io
-import json
 import logging
 import re
 import zipfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 import scipy
 from lxml import etree
 
-from spacearm.arrays import LARGEST, Array
+from spacearm.arrays import LARGEST, Array, Integers
+from spacearm.description import gltf
 from spacearm.errors import ModelError, listed, warn
 from spacearm.files import lies_in, named_files, read
+from spacearm.processes import VARIABLE, WorkerError, call_within, memory_limit
 
 if TYPE_CHECKING:
     import trimesh
@@ -301,7 +302,12 @@ FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf")
 #: Largest size of a mesh file [bytes].
 LARGEST_MESH = 10**8
 #: Largest number of triangles of a mesh: a file may place one part any number of times.
-MOST_TRIANGLES = 10**7
+MOST_TRIANGLES = 2 * 10**6
+#: Upper bounds of the memory for reading a mesh: for each byte of a text or of JSON, and for each
+#: triangle or vertex of a binary file [bytes].
+PER_BYTE, PER_TRIANGLE = 120, 500
+#: Time that reading a mesh in a process of its own may take [s].
+SECONDS = 60.0
 #: Levels of folders above a mesh that may be its package.
 LEVELS = 5
 #: Largest number of nodes of a COLLADA scene.
@@ -336,13 +342,22 @@ def _bounds(path: Path, _: int) -> Array | None:
     if suffix not in (".stl", ".obj"):
         return np.array(read_mesh(path).bounds)
     content = _content(path)
-    triangles = int.from_bytes(content[80:84], "little")
-    if suffix == ".stl" and len(content) == 84 + 50 * triangles:
+    if suffix == ".stl" and _binary_triangles(content):
         fields = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
-        points = np.frombuffer(content, fields, offset=84)["corners"].reshape(-1, 3)
-    else:
-        points = np.array(VERTEX.findall(content), dtype=np.float64).reshape(-1, 3)
-    return np.stack((points.min(axis=0), points.max(axis=0))) if len(points) else None
+        return _ends(np.frombuffer(content, fields, offset=84)["corners"])
+    vertices = (found.groups() for found in VERTEX.finditer(content))
+    ends = [_ends(some) for some in iter(lambda: list(islice(vertices, BLOCK)), [])]
+    return _ends(ends) if ends else None
+
+
+#: Number of vertices of a text that are in memory at a time.
+BLOCK = 10_000
+
+
+def _ends(vertices: Any) -> Array:
+    """Return the least and the largest coordinates (2, 3) of vertices, numbers or texts."""
+    points = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
+    return np.stack((points.min(axis=0), points.max(axis=0)))
 
 
 #: Marks in written files a mesh that is `turned`; other readers pass over it.
@@ -396,8 +411,7 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
             triangles or has coordinates that are not finite.
     """
     try:
-        with _silent("trimesh"):
-            return _mesh(path)
+        return _mesh(path)
     except Exception as error:  # whatever a reader makes of a broken file
         raise ModelError(f"mesh {path.name!r} cannot be read ({error})") from None
 
@@ -427,49 +441,122 @@ def _silent(name: str) -> Iterator[None]:
 
 
 def _mesh(path: Path) -> trimesh.Trimesh:
+    """Read a mesh file here if its memory is bounded, else in a process with a limit."""
     import trimesh  # slow to import
 
+    memory = memory_limit()
+    try:
+        vertices, faces = _arrays(path, memory)
+    except _UnboundedError:
+        try:
+            vertices, faces = call_within(SECONDS, memory, partial(_arrays, path, np.inf))
+        except WorkerError as error:
+            raise ValueError(
+                f"it is not read in {SECONDS:g} s and {memory / 1e9:g} GB of memory: {error}; "
+                f"reduce its triangles, or set the environment variable {VARIABLE} to more GB"
+            ) from None
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+class _UnboundedError(Exception):
+    """Reading a mesh file may take more memory than it may take here."""
+
+
+def _require(need: float, memory: float) -> None:
+    """Refuse to read a mesh that may take more memory than it may [bytes]."""
+    if need > memory:
+        raise _UnboundedError
+
+
+def _require_few(triangles: int) -> None:
+    """Refuse a mesh without triangles, and one of too many."""
+    if not 0 < triangles <= MOST_TRIANGLES:
+        raise ValueError(f"it has {triangles:,} triangles; give 1 to {MOST_TRIANGLES:,}")
+
+
+def _arrays(path: Path, memory: float) -> tuple[Array, Integers]:
+    """Return the vertices (n, 3) and faces (m, 3) of a mesh file.
+
+    Args:
+        path: The file.
+        memory: Memory that reading it may take [bytes].
+
+    Raises:
+        _UnboundedError: It may take more; nothing large has been allocated.
+        ValueError: The file is faulty; its reader raises other errors too.
+    """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise ValueError(f"give one of {', '.join(FORMATS)}")
-    content, metre = _content(path), 1.0
+    content = _content(path)
     if zipfile.is_zipfile(io.BytesIO(content)):
         raise ValueError("it is an archive: unpack it")
-    if suffix == ".dae":
-        content, metre = _plain(content)
-    with np.errstate(all="ignore"):  # what overflows is found below
-        scene = trimesh.load_scene(
-            io.BytesIO(content),
-            file_type=suffix[1:],
-            resolver=_buffers(path, content) if suffix == ".gltf" else {},
-            process=False,
-        )
-        solids = {n: p for n, p in scene.geometry.items() if isinstance(p, trimesh.Trimesh)}
-        places = [scene.graph[node][1] for node in scene.graph.nodes_geometry]
-        triangles = sum(len(solids[name].faces) for name in places if name in solids)
-        if not 0 < triangles <= MOST_TRIANGLES:
-            raise ValueError(f"it has {triangles:,} triangles; give 1 to {MOST_TRIANGLES:,}")
-        for solid in solids.values():
-            solid.merge_vertices()
-        mesh: trimesh.Trimesh = scene.to_mesh()
-        mesh.vertices = metre * np.asarray(mesh.vertices)
+    with _silent("trimesh"), np.errstate(all="ignore"):  # what overflows is found below
         if suffix in (".glb", ".gltf"):
-            mesh.vertices = mesh.vertices @ UPRIGHT["Y_UP"].T
-    if not (np.abs(mesh.vertices) <= LARGEST).all():
+            vertices, faces = _gltf(path, content, memory)
+        else:
+            vertices, faces = _scene(suffix, content, memory)
+    if not (np.abs(vertices) <= LARGEST).all():
         raise ValueError(f"it has coordinates that are not finite or beyond {LARGEST:g}")
-    return mesh
+    return vertices, faces
+
+
+def _gltf(path: Path, content: bytes, memory: float) -> tuple[Array, Integers]:
+    """Return the vertices and faces of a glTF or GLB file, z up."""
+    _require(PER_BYTE * gltf.text_size(content), memory)
+    document, binary = gltf.chunks(content)
+    files = _buffers(path, document) if path.suffix.lower() == ".gltf" else {}
+    scene = gltf.scene_of(document, binary, files)
+    _require_few(scene.triangles)
+    _require(PER_TRIANGLE * (scene.triangles + scene.vertices), memory)
+    vertices, faces = gltf.triangles_of(scene)
+    return vertices @ UPRIGHT["Y_UP"].T, faces
+
+
+#: A line of an OBJ file that names a material: its triangles are read apart from the others.
+MATERIAL = re.compile(rb"^[ \t]*usemtl[^\n]*", re.MULTILINE)
+
+
+def _scene(suffix: str, content: bytes, memory: float) -> tuple[Array, Integers]:
+    """Return the vertices and faces of what a file that is not glTF places."""
+    import trimesh
+
+    metre = 1.0
+    if suffix == ".stl" and (triangles := _binary_triangles(content)):
+        _require_few(triangles)
+        _require(PER_TRIANGLE * triangles, memory)
+    else:
+        _require(PER_BYTE * len(content), memory)
+    if suffix == ".dae":
+        content, metre, copies = _plain(content)
+        _require(PER_BYTE * len(content) * copies, memory)
+    elif suffix == ".obj":
+        content = MATERIAL.sub(b"", content)
+    file = io.BytesIO(content)
+    scene = trimesh.load_scene(file, file_type=suffix[1:], resolver={}, process=False)
+    solids = {n: p for n, p in scene.geometry.items() if isinstance(p, trimesh.Trimesh)}
+    places = [scene.graph[node][1] for node in scene.graph.nodes_geometry]
+    _require_few(sum(len(solids[name].faces) for name in places if name in solids))
+    for solid in solids.values():
+        solid.merge_vertices()
+    mesh: trimesh.Trimesh = scene.to_mesh()
+    return metre * np.asarray(mesh.vertices), np.asarray(mesh.faces)
+
+
+def _binary_triangles(stl: bytes) -> int:
+    """Return the number of triangles of a binary STL; 0 for a text or a damaged file."""
+    triangles = int.from_bytes(stl[80:84], "little")
+    return triangles if len(stl) == 84 + 50 * triangles else 0
 
 
 def _content(path: Path) -> bytes:
     """Return the content of a mesh file, of text without the byte-order mark of UTF-8."""
     content = read(path, LARGEST_MESH)
-    text = content.removeprefix(codecs.BOM_UTF8)
-    triangles = int.from_bytes(content[80:84], "little")
-    binary = path.suffix.lower() == ".stl" and len(content) == 84 + 50 * triangles
-    return content if binary else text
+    binary = path.suffix.lower() == ".stl" and _binary_triangles(content) > 0
+    return content if binary else content.removeprefix(codecs.BOM_UTF8)
 
 
-def _buffers(path: Path, gltf: bytes) -> dict[str, bytes]:
+def _buffers(path: Path, document: dict[str, Any]) -> dict[str, bytes]:
     """Return the files of numbers that a glTF file names, by these names.
 
     They must lie in the folder of the mesh or in its package, links followed. Nothing else that the
@@ -482,7 +569,7 @@ def _buffers(path: Path, gltf: bytes) -> dict[str, bytes]:
     above = islice(path.parents, LEVELS)
     package = (folder for folder in above if (folder / "package.xml").is_file())
     places = [path.parent, *islice(package, 1)]
-    for name in {buffer["uri"] for buffer in json.loads(gltf).get("buffers", [])}:
+    for name in {str(buffer.get("uri", "data:")) for buffer in document.get("buffers", [])}:
         if name.startswith("data:"):
             continue
         named = named_files(name, [path.parent], lambda file: lies_in(file, places))
@@ -495,10 +582,11 @@ def _buffers(path: Path, gltf: bytes) -> dict[str, bytes]:
     return found
 
 
-def _plain(collada: bytes) -> tuple[bytes, float]:
-    """Return a COLLADA file and its unit [m].
+def _plain(collada: bytes) -> tuple[bytes, float, int]:
+    """Return a COLLADA file, its unit [m] and the number of nodes that it places.
 
-    The file is checked for what can grow beyond bounds: entities and nested nodes.
+    The file is checked for what can grow beyond bounds: entities, nested nodes and the corners of
+    polygons.
     """
     if b"<!DOCTYPE" in collada:
         raise ValueError("it declares a DOCTYPE: remove it")
@@ -511,13 +599,17 @@ def _plain(collada: bytes) -> tuple[bytes, float]:
         inner = [*node.iterchildren("{*}node"), *(node for node in instances if node is not None)]
         return 1 + sum(map(placed, inner))
 
-    if sum(map(placed, root.iter("{*}visual_scene"))) > MOST_NODES:
+    nodes = sum(map(placed, root.iter("{*}visual_scene")))
+    corners = sum(int(n) for e in root.iter("{*}vcount") for n in (e.text or "").split())
+    if corners > len(collada):
+        raise ValueError(f"its polygons have {corners:,} corners, and it has fewer bytes")
+    if nodes > MOST_NODES:
         raise ValueError(f"it places more than {MOST_NODES:,} nodes")
     unit = root.find("{*}asset/{*}unit")
     metre = 1.0 if unit is None else float(unit.get("meter", "1"))
     if not 0.0 < metre <= LARGEST:
         raise ValueError(f"its unit is {metre:g} m; give a positive length")
-    return etree.tostring(root), metre
+    return etree.tostring(root), metre, nodes
 
 
 def coarsened(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
