@@ -43,6 +43,8 @@ BY_NUMBERS = 1e-3
 #: For so many configurations the zeros and ones of an arm are compiled in, which saves a third of
 #: the time that they take.
 MANY = 10_000
+#: Number of arms whose numbers and functions are kept, with the arms: some 0.3 MB each.
+KEPT_ARMS = 64
 #: Lanes of functions that wait for divisions in loops, more than fit a register.
 WIDE = 8
 
@@ -102,7 +104,7 @@ def evaluated(
     return np.array(found)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=KEPT_ARMS)
 def structure_of(arm: SpaceArm, mode: BaseMode = "free-floating") -> Structure:
     """Return the structure of an arm in a mode."""
     model, names = arm.model, list(arm.model.names)
@@ -122,7 +124,7 @@ def structure_of(arm: SpaceArm, mode: BaseMode = "free-floating") -> Structure:
     )
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=KEPT_ARMS)
 def parameters_of(arm: SpaceArm) -> Parameters:
     """Return the numbers of an arm."""
     model = arm.model
@@ -205,7 +207,8 @@ class ArmKernel:
             tuple((name, table.shape[1]) for name, table in looked.items()),
         )
         if shapes not in self._found:
-            kernel, own = _kernel(self._arms, self._mode, self._special, shapes, self._what)
+            kernel_of = _kernel_of_one if len(self._arms) == 1 else _kernel_of_many
+            kernel, own = kernel_of(self._arms, self._mode, self._special, shapes, self._what)
             self._found[shapes] = kernel, own[self._each]
         kernel, own = self._found[shapes]
         if len(own) > 1:
@@ -215,7 +218,6 @@ class ArmKernel:
         return kernel(inputs, given, looked, **how)
 
 
-@lru_cache(maxsize=256)
 def _kernel(
     arms: tuple[SpaceArm, ...], mode: BaseMode, special: bool, shapes: Any, what: Any
 ) -> tuple[Any, Array]:
@@ -242,6 +244,9 @@ def _kernel(
     return kernel, flat[:, vary]
 
 
+_kernel_of_one = lru_cache(maxsize=KEPT_ARMS)(_kernel)
+#: Of many arms the last ones are kept alone.
+_kernel_of_many = lru_cache(maxsize=1)(_kernel)
 #: Place of the turns among the arrays of an arm.
 TURNS = len(Parameters._fields)
 
@@ -273,7 +278,7 @@ def _times(rotations: Array, vectors: Array) -> Array:
     return np.asarray((rotations @ vectors[..., None])[..., 0])
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=KEPT_ARMS)
 def _numbers(arm: SpaceArm, own: bool) -> Array:
     """Return the numbers of an arm as one vector."""
     return np.concatenate([np.ravel(values) for values in _arrays(arm, own)])

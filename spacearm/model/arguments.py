@@ -27,7 +27,7 @@ def free_components(mode: str) -> int:
     return FREE_TWIST[mode]
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)
 def impossible(arm: SpaceArm, mode: BaseMode) -> str:
     """Say why an arm can never do its task, and which it can; empty if it can do it."""
     return arm.fault_of_task(free_components(mode))

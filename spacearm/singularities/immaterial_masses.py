@@ -71,7 +71,7 @@ def payload_note(arm: SpaceArm, mode: BaseMode) -> str:
     return f"The singular set is the same for any payload{planar}{own}."
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)
 def digest_of_set(arm: SpaceArm, mode: BaseMode) -> str:
     """Return a digest of all of an arm that its singular set depends on.
 
