@@ -36,7 +36,7 @@ export       to_jax to_casadi to_c to_mjcf to_sdf write_motion GeneralizedJacobi
              MomentumConservation SingularityBarrier
 show         plot view design_report
 errors       SpaceArmError ModelError ConfigurationError UnsupportedError NoSolutionError
-             ImpossibleError StoppedError StoreError SweepError ModelWarning
+             ImpossibleError StoppedError ResourceError StoreError SweepError ModelWarning
 ===========  ====================================================================================
 
 Conventions, everywhere:

@@ -21,6 +21,7 @@ from spacearm.errors import ImpossibleError as ImpossibleError
 from spacearm.errors import ModelError as ModelError
 from spacearm.errors import ModelWarning as ModelWarning
 from spacearm.errors import NoSolutionError as NoSolutionError
+from spacearm.errors import ResourceError as ResourceError
 from spacearm.errors import SpaceArmError as SpaceArmError
 from spacearm.errors import StoppedError as StoppedError
 from spacearm.errors import StoreError as StoreError

@@ -28,12 +28,19 @@ Progress: TypeAlias = Callable[[int, int], object]
 #: Largest length, mass, inertia or joint position that is accepted, in SI units: larger ones are
 #: mistakes and would overflow.
 LARGEST = 1e12
+#: Least positive length, mass, time, tolerance or rate that is accepted, in SI units: squares of
+#: much smaller ones vanish in double precision.
+SMALLEST = 1e-12
+#: Most samples, points, steps or runs of one call. With a hundred bytes each they take 1 GB.
+MOST_COUNT = 10_000_000
 #: What conversions to an array raise: RuntimeError is that of tensors that want a gradient,
 #: OverflowError that of whole numbers beyond all floats.
 NO_NUMBERS = (TypeError, ValueError, RuntimeError, OverflowError)
 #: Least mass of a body [kg]: Pinocchio divides by masses.
 LEAST_MASS = 1e-12
 
+#: Most threads or processes that a call may ask for.
+MOST_THREADS = 1024
 #: Most links of a robot, fixed ones too: more are mistakes, and Pinocchio's frames cost the square
 #: of their number.
 MOST_LINKS = 10_000
@@ -104,26 +111,52 @@ def read_only(array: Array) -> Array:
     return array
 
 
-def whole(value: object, name: str, least: int, most: float = math.inf) -> int:
-    """Check a whole number and return it as an int.
+def number_of(value: object) -> float:
+    """Return a number as a float: Python's, NumPy's or an array of no dimension.
+
+    What is none is NaN: truth values, and whole numbers beyond all floats.
+    """
+    value = _python_number(value)
+    if not isinstance(value, Real) or isinstance(value, bool):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.nan
+
+
+def _python_number(value: Any) -> Any:
+    """Return what an array of no dimension holds; other values as they are."""
+    if getattr(value, "ndim", None) != 0 or not hasattr(value, "item"):
+        return value
+    try:
+        return value.item()
+    except NO_NUMBERS:  # a tensor that stands for others
+        return value
+
+
+def whole(value: object, name: str, least: int, most: float = MOST_COUNT) -> int:
+    """Check a whole number, such as a number of samples, and return it as an int.
 
     Args:
         value: What was given.
         name: Of the argument.
         least: Least value that is allowed.
-        most: Largest value that is allowed.
+        most: Largest value that is allowed; infinite where nothing is kept for each.
 
     Raises:
         ConfigurationError: It is something else.
     """
-    number = int(value) if isinstance(value, Integral) and not isinstance(value, bool) else math.nan
-    if not least <= number <= most:
-        raise ConfigurationError(f"{name} is {value!r}; give a whole number {_range(least, most)}")
-    return int(number)
+    given = _python_number(value)
+    number = int(given) if isinstance(given, Integral) and not isinstance(given, bool) else None
+    if number is None or not least <= number <= most:
+        allowed = f"from {least:,} on" if most == math.inf else f"from {least:,} to {most:,}"
+        raise ConfigurationError(f"{name} is {shown(value)}; give a whole number {allowed}")
+    return number
 
 
 def within(
-    value: object, name: str, least: float, most: float = math.inf, what: str = "a number"
+    value: object, name: str, least: float, most: float = LARGEST, what: str = "a number"
 ) -> float:
     """Check a number in a range, ends included, and return it as a float.
 
@@ -131,21 +164,38 @@ def within(
         value: What was given.
         name: Of the argument.
         least: Least value that is allowed.
-        most: Largest value that is allowed.
+        most: Largest value that is allowed; if infinite, up to `LARGEST` or infinite.
         what: What it is, with its unit.
 
     Raises:
         ConfigurationError: It is something else.
     """
-    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
-    if not least <= number <= most:
-        raise ConfigurationError(f"{name} is {value!r}; give {what} {_range(least, most)}")
+    number = number_of(value)
+    if not least <= number <= most or LARGEST < abs(number) < math.inf:
+        allowed = f"from {least:.3g} to {min(most, LARGEST):.6g}" + ", or inf" * (most == math.inf)
+        raise ConfigurationError(f"{name} is {shown(value)}; give {what} {allowed}")
     return number
 
 
-def _range(least: float, most: float) -> str:
-    """Say which numbers are allowed."""
-    return f"from {least:.3g} on" if most == math.inf else f"from {least:.3g} to {most:.6g}"
+def steps(span: float, step: object, name: str, most: int = MOST_COUNT) -> float:
+    """Check a step or a spacing, of which a span takes a number, and return it as a float.
+
+    Args:
+        span: What is divided: a time [s], a length [m] or an angle [rad].
+        step: What was given.
+        name: Of the argument.
+        most: Largest number of steps.
+
+    Raises:
+        ConfigurationError: It is no positive number, or the span has more such steps.
+    """
+    number = positive(step, name, least=0.0)
+    if span > most * number:
+        raise ConfigurationError(
+            f"{name} is {shown(step)}; give at least {span / most:.3g}, so that there are at most "
+            f"{most:,} steps"
+        )
+    return number
 
 
 def generator(seed: int | Sequence[int]) -> np.random.Generator:
@@ -154,26 +204,43 @@ def generator(seed: int | Sequence[int]) -> np.random.Generator:
     Raises:
         ConfigurationError: One is not a whole number from 0 on.
     """
-    for one in seed if isinstance(seed, Sequence) else [seed]:
-        whole(one, "seed", 0)
-    return np.random.default_rng(seed)
+    if isinstance(seed, Sequence):
+        return np.random.default_rng([whole(one, "seed", 0, math.inf) for one in seed])
+    return np.random.default_rng(whole(seed, "seed", 0, math.inf))
 
 
-def positive(value: object, name: str, what: str = "number") -> float:
+def positive(
+    value: object, name: str, what: str = "number", least: float = SMALLEST, most: float = LARGEST
+) -> float:
     """Check a finite number above zero and return it as a float.
 
     Args:
         value: What was given.
         name: Of the argument.
         what: What it is, with its unit.
+        least: Least value that is allowed, if it is above zero.
+        most: Largest value that is allowed.
 
     Raises:
         ConfigurationError: It is something else.
     """
-    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
-    if not 0.0 < number < math.inf:
-        raise ConfigurationError(f"{name} is {value!r}; give a positive {what}")
+    number = number_of(value)
+    if not least <= number <= most or not 0.0 < number < math.inf:
+        allowed = f" up to {most:.6g}" if least == 0.0 else f" from {least:.6g} to {most:.6g}"
+        raise ConfigurationError(f"{name} is {shown(value)}; give a positive {what}{allowed}")
     return number
+
+
+def floats(values: object) -> Array:
+    """Return a copy of what a caller gave as an array of floats, of any shape.
+
+    Raises:
+        TypeError: It holds something else, complex numbers too; or one of the other `NO_NUMBERS`.
+    """
+    given = np.asarray(values)
+    if given.dtype.kind == "c":
+        raise TypeError("complex numbers are no floats")
+    return np.array(given, dtype=np.float64)
 
 
 def numbers_of(values: object, name: str) -> Array:
@@ -183,7 +250,7 @@ def numbers_of(values: object, name: str) -> Array:
         ConfigurationError: It holds something else.
     """
     try:
-        return np.array(values, dtype=np.float64)
+        return floats(values)
     except NO_NUMBERS as error:
         if isinstance(error, RuntimeError):  # a tensor says what it wants
             raise ConfigurationError(f"{name} does not hold numbers: {error}") from None
@@ -212,7 +279,7 @@ def finite(values: object, shape: tuple[int, ...], name: str, meaning: str = "")
         ConfigurationError: Not numbers of this shape, or one is not finite or beyond `LARGEST`.
     """
     try:
-        array = np.array(values, dtype=np.float64)
+        array = floats(values)
     except NO_NUMBERS:
         array = np.empty(0)
     if array.shape != shape or not (np.abs(array) <= LARGEST).all():

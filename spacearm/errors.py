@@ -65,6 +65,10 @@ class ImpossibleError(NoSolutionError):
     """It is proven that there is no solution; the message names the argument and what to relax."""
 
 
+class ResourceError(SpaceArmError):
+    """The system does not give what a computation needs: threads, memory or a library."""
+
+
 class StoppedError(KeyboardInterrupt):
     """Ctrl-C has stopped a computation; what there was by then is kept.
 

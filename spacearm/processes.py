@@ -24,13 +24,15 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn, TypeVar
+from typing import Any, BinaryIO, NoReturn, ParamSpec, TypeVar
 
-from spacearm.errors import ConfigurationError, SpaceArmError
+from spacearm.errors import ConfigurationError, ResourceError, SpaceArmError
 
+P = ParamSpec("P")
 T = TypeVar("T")
 Progress = Callable[[float, float], object]
 
@@ -42,6 +44,11 @@ COMMAND = (
 )
 #: Each process computes on one core: there may be as many processes as cores.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+#: What is said where the system starts no thread.
+NO_THREAD = (
+    "a thread cannot be started: the system's limit of processes or of memory is reached; raise it "
+    "(ulimit -u, ulimit -v), or end other programs"
+)
 #: Least time between two reports of progress [s].
 PACE = 0.1
 #: Memory that reading one file may take if `VARIABLE` is not set [bytes].
@@ -181,6 +188,23 @@ def _field(file: Path, name: str) -> float:
 # --- worker processes ----------------------------------------------------------------------------
 
 
+class Threads(ThreadPoolExecutor):
+    """A pool of threads that says so where the system starts none."""
+
+    def submit(self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Call a function in a thread.
+
+        Raises:
+            ResourceError: The thread cannot be started.
+        """
+        try:
+            return super().submit(function, *args, **kwargs)
+        except RuntimeError as error:
+            if "new thread" not in str(error):
+                raise
+            raise ResourceError(NO_THREAD) from None
+
+
 class WorkerError(Exception):
     """A call failed in its process, by no error of spacearm; the text is the error there."""
 
@@ -272,12 +296,16 @@ def call_within(seconds: float, memory: float, function: Callable[[], T]) -> T:
     """
     process = Process()
     clock = threading.Timer(seconds, process.kill)
-    clock.start()
     try:
+        clock.start()
         return process.call(partial(_limited, memory, function))
     except WorkerLostError as error:
         late = "it took longer" if clock.finished.is_set() else str(error)
         raise WorkerError(late) from None
+    except RuntimeError as error:
+        if "new thread" not in str(error):
+            raise
+        raise ResourceError(NO_THREAD) from None
     finally:
         clock.cancel()
         process.end()

@@ -81,6 +81,8 @@ IN_ORDER = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_K
 OPEN = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 #: Characters of a value in a message.
 MOST_SHOWN = 60
+#: Bits of a whole number from which on a message says how long it is.
+LONG_NUMBER = 200
 #: Characters of a docstring in a message.
 MOST_TOLD = 160
 #: Entries of a sequence or mapping that are looked at.
@@ -501,8 +503,11 @@ def fits(value: object, hint: Hint) -> bool:
         return isinstance(value, np.ndarray) and value.dtype.kind in "biuf"
     if origin in (int, float):
         kind = Integral if origin is int else Real
-        whole = isinstance(value, kind) and not isinstance(value, bool)
-        return whole or (origin is float and getattr(value, "ndim", 1) == 0 and are_numbers(value))
+        if isinstance(value, kind):
+            small = not isinstance(value, int) or abs(value) <= sys.float_info.max
+            return not isinstance(value, bool) and (origin is int or small)
+        scalar = getattr(value, "ndim", 1) == 0 and not isinstance(value, str)
+        return origin is float and scalar and are_numbers(value)
     if origin is bool:
         return isinstance(value, bool | np.bool_)
     if origin is Callable:
@@ -652,8 +657,15 @@ def shown(value: object, most: int = MOST_SHOWN) -> str:
         return f"the class {value.__name__}"
     if isinstance(value, str):
         return shortened(repr(value), most)
-    if isinstance(value, SHORT) and len(written := repr(value)) <= most:
-        return written
+    if isinstance(value, int) and value.bit_length() > LONG_NUMBER:
+        return f"a whole number of some {round(value.bit_length() * math.log10(2.0))} digits"
+    if isinstance(value, SHORT):
+        try:
+            written = repr(value)
+        except ValueError:  # Python writes no whole numbers of thousands of digits
+            written = ""
+        if 0 < len(written) <= most:
+            return written
     if inspect.isroutine(value):
         return "a function"
     kind = type(value).__name__

@@ -57,7 +57,10 @@ def rest(*_):
         (lambda: sa.Search(seed=1.0), "seed is 1.0; give a whole number"),
         (lambda: sa.Search(timeout=np.nan), "timeout is nan"),
         (lambda: sa.singular_set(arm()).sample(3.0), "m is 3.0; give a whole number"),
-        (lambda: sa.singular_set(arm()).sample(-1), "m is -1; give a whole number from 0 on"),
+        (
+            lambda: sa.singular_set(arm()).sample(-1),
+            "m is -1; give a whole number from 0 to",
+        ),
         (lambda: sa.singular_set(sa.load("chaser7")).sample(1.5), "m is 1.5"),
         (
             lambda: sa.singular_set(arm()).roots([0, 1], 1.0),
@@ -74,12 +77,18 @@ def rest(*_):
         (lambda: sa.JointPD([0, 1], kp="a", kd=1)(0, arm().at([0, 1]), np.zeros(2)), "kp is 'a'"),
         (lambda: sa.JointPD([0, 1], 1, np.nan)(0, arm().at([0, 1]), np.zeros(2)), "kd is nan"),
         (lambda: sa.evaluate(arm(), [[0, 1]] * 99, threads=1.0), "threads is 1.0"),
-        (lambda: sa.risk_profile(arm(), bins=0), "bins is 0; give a whole number from 1 on"),
+        (
+            lambda: sa.risk_profile(arm(), bins=0),
+            "bins is 0; give a whole number from 1 to",
+        ),
         (lambda: sa.risk_profile(arm(), bins=2.5), "bins is 2.5; give their number, or increasing"),
         (lambda: sa.risk_profile(arm(), bins="many"), "bins is 'many'"),
         (lambda: sa.risk_profile(arm(), samples=9.5), "samples is 9.5; give a whole number"),
         (lambda: sa.risk_profile(arm(), sigma_min=1, distance=2), "give only one of them"),
-        (lambda: sa.pose_risk(arm(), poses=0), "poses is 0; give a whole number from 1 on"),
+        (
+            lambda: sa.pose_risk(arm(), poses=0),
+            "poses is 0; give a whole number from 1 to",
+        ),
         (lambda: sa.pose_risk(arm(), poses=1.5), "poses is 1.5"),
     ],
 )

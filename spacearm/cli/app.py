@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import re
@@ -10,15 +11,17 @@ import warnings
 from collections.abc import Callable
 from functools import wraps
 from importlib import import_module
+from itertools import pairwise
 from typing import Annotated, Any, NamedTuple
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 from typer.main import get_command
 
-from spacearm.cli.wording import INTERRUPTED, NUMBER, in_own_words, join_numbers
-from spacearm.errors import SpaceArmError, printable
+from spacearm.cli.wording import INTERRUPTED, NUMBER, in_own_words, join_numbers, whole_number
+from spacearm.errors import ResourceError, SpaceArmError, printable
+from spacearm.processes import NO_THREAD
 
 
 class Command(NamedTuple):
@@ -267,6 +270,8 @@ COMMANDS = {
     ),
 }
 HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
+#: What an error of the system says that lacks processes or memory.
+LACKING = (errno.EAGAIN, errno.ENOMEM)
 #: Commands without numbers: whatever starts with a minus sign is an option.
 NO_NUMBERS = ("models", "sweep")
 
@@ -291,6 +296,19 @@ def application() -> typer.Typer:
     return app
 
 
+class CountingCommand(TyperCommand):
+    """A command whose options for whole numbers take 1e6 too."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words of the command."""
+        counts = {option for p in self.params if p.type.name.startswith("int") for option in p.opts}
+        words = [
+            whole_number(word) if before in counts else word
+            for before, word in pairwise(["", *args])
+        ]
+        return super().parse_args(ctx, words)
+
+
 def command(name: str) -> Any:
     """Import a command."""
     place, text = COMMANDS[name]
@@ -298,7 +316,8 @@ def command(name: str) -> Any:
     run = getattr(import_module(f"spacearm.cli.{module}"), function)
     settings = HELP if name in NO_NUMBERS else HELP | {"ignore_unknown_options": True}
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-    alone.command(name, help=text, context_settings=settings)(_stoppable(run))
+    typed = alone.command(name, cls=CountingCommand, help=text, context_settings=settings)
+    typed(_stoppable(run))
     return get_command(alone)
 
 
@@ -346,17 +365,34 @@ def main() -> None:
     except (SpaceArmError, TyperException) as error:
         message = _refused(error) if isinstance(error, TyperException) else error
         print(f"spacearm: error: {_one_line(message)}", file=sys.stderr)
-        sys.exit(2)
+        sys.exit(1 if isinstance(error, ResourceError) else 2)
+    except (MemoryError, RuntimeError) as error:
+        print(f"spacearm: error: {_one_line(_lacking(error))}", file=sys.stderr)
+        sys.exit(1)
     except typer.Abort:  # Ctrl-C
         print("spacearm: stopped", file=sys.stderr)
         sys.exit(INTERRUPTED)
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes at exit
         if not isinstance(error, BrokenPipeError):
-            print(f"spacearm: error: cannot write the output: {error}", file=sys.stderr)
+            what = "" if error.errno in LACKING else "cannot write the output: "
+            print(f"spacearm: error: {what}{_one_line(error)}", file=sys.stderr)
             sys.exit(1)
         sys.exit(0)
     sys.exit(code)
+
+
+def _lacking(error: Exception) -> str:
+    """Return the message for memory or a thread that the system does not give.
+
+    Raises:
+        RuntimeError: It is another one.
+    """
+    if isinstance(error, MemoryError):
+        return f"there is not enough memory ({error}); ask for less, or raise its limit (ulimit -v)"
+    if "new thread" not in str(error):
+        raise error
+    return NO_THREAD
 
 
 def _refused(error: TyperException) -> str:

@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -138,7 +138,8 @@ def working(
 
         thread = threading.Thread(target=tell, daemon=True)
         if not err.is_terminal:
-            thread.start()
+            with suppress(RuntimeError):  # no thread can be started: nothing is said on the way
+                thread.start()
         try:
             yield told
         finally:

@@ -30,6 +30,7 @@ from spacearm.model.joints import joint_name, outside_limits
 from spacearm.results import Description, Table, joint_measures
 from spacearm.singularities.abstract_set import control_points, part_of, path_rows, prove_clear
 from spacearm.singularities.immaterial_masses import any_payload, payload_note
+from spacearm.singularities.map import MOST_POINTS
 from spacearm.singularities.nearest import angle, distances_found
 from spacearm.singularities.report import TOLERANCE
 from spacearm.singularities.sets import prove_regular
@@ -217,7 +218,7 @@ def draw_singular_map(
         ),
     ] = None,
     points: Annotated[
-        int, typer.Option(help="Grid points along each joint.", min=3, max=2001)
+        int, typer.Option(help="Grid points along each joint.", min=3, max=MOST_POINTS)
     ] = 181,
     deg: bool = False,
 ) -> Answer:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from decimal import Decimal
 
 #: Exit code after Ctrl-C, as shells have it.
 INTERRUPTED = 130
@@ -49,6 +50,8 @@ OPTIONS: dict[str, str | Callable[[re.Match[str]], str]] = {
 }
 #: Options that take several numbers, as many as the arm needs or two.
 VECTORS = ("--target", "--goal", "--corner", "--window")
+#: Most digits of a whole number that is written with an exponent.
+LONGEST_NUMBER = 400
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
@@ -66,6 +69,15 @@ def join_numbers(words: Sequence[str]) -> list[str]:
             joined.append(word)
             vector = word in VECTORS
     return joined
+
+
+def whole_number(word: str) -> str:
+    """Return a whole number that is written as 1e6 or 2.0 in digits; other words as they are."""
+    if not NUMBER.fullmatch(word):
+        return word
+    number = Decimal(word)
+    short = number.adjusted() <= LONGEST_NUMBER and number == number.to_integral_value()
+    return str(int(number)) if short else word
 
 
 def in_own_words(text: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 import spacearm as sa
-from spacearm.arrays import Array, plain
+from spacearm.arrays import Array, plain, whole
 from spacearm.cli import options as opt
 from spacearm.cli.output import Answer, err, kept, say_stopped, working
 from spacearm.cli.wording import INTERRUPTED
@@ -207,12 +207,12 @@ def _values(name: str, text: str) -> Array:
         number = int(count or (COUNT if high else 1))
     except ValueError:
         number = 0
-    if number < 1 or text.count(":") > 2:
+    if number == 0 or text.count(":") > 2:
         raise sa.ConfigurationError(
             f"--vary {name}={text}: give numbers A,B,C, LOW:HIGH or LOW:HIGH:COUNT, as in "
             "base_inertia=1,5,20 or mount_x=0:0.8:5"
         )
-    return np.linspace(*ends, number)
+    return np.linspace(*ends, whole(number, f"the number of values of --vary {name}", 1))
 
 
 def _points(path: Path) -> Array:

@@ -22,7 +22,7 @@ import pinocchio as pin
 from scipy.integrate import DOP853
 
 from spacearm import errors
-from spacearm.arrays import Array, ArrayLike, finite, positive, shape_of
+from spacearm.arrays import Array, ArrayLike, finite, numbers_of, positive
 from spacearm.closure.closing import carried
 from spacearm.closure.target_paths import HELD, Carrying, gaps_table
 from spacearm.compiler import numbers
@@ -43,6 +43,7 @@ from spacearm.motion.plant import Integration, Plant, wheel_torques
 from spacearm.motion.simulation import audit
 from spacearm.motion.system import System, prepared
 from spacearm.results import Column, Description, Table
+from spacearm.signatures import shown
 
 #: Rate at which open grasps close [1/s].
 PULL = 5.0
@@ -475,9 +476,11 @@ def _borne(tips: Sequence[str], bears: Sequence[float] | Mapping[str, Sequence[f
     given = bears if isinstance(bears, Mapping) else dict.fromkeys(tips, bears)
     errors.require_known("tip", given, tips, "bears: ")
     for each in given.values():
-        if shape_of(each) != (2,) or not np.all(np.asarray(each, dtype=np.float64) > 0.0):
+        most = numbers_of(each, "bears")
+        if most.shape != (2,) or not (most > 0.0).all():
             raise errors.ConfigurationError(
-                f"bears is {bears!r}; give a force [N] and a moment [N m] above 0, or both by tip"
+                f"bears is {shown(bears)}; give a force [N] and a moment [N m] above 0, or both by "
+                "tip"
             )
     return np.array([given.get(tip, (np.inf, np.inf)) for tip in tips], dtype=np.float64)
 

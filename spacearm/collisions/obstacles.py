@@ -6,7 +6,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from numbers import Real
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
@@ -14,7 +13,17 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, Array, ArrayLike, finite, plain, positive, read_only, shape_of
+from spacearm.arrays import (
+    LARGEST,
+    Array,
+    ArrayLike,
+    finite,
+    plain,
+    positive,
+    read_only,
+    shape_of,
+    within,
+)
 from spacearm.collisions.bodies import Bodies, Body, extent
 from spacearm.collisions.solids import hull, link_solids, primitive
 from spacearm.collisions.swept_motion import Recorded
@@ -33,7 +42,7 @@ from spacearm.mechanics.target import Target
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.motion.motion import Motion
-from spacearm.signatures import checked
+from spacearm.signatures import checked, shown
 
 ORIGIN = pin.SE3.Identity()
 #: What is said of an obstacle besides its shape and pose.
@@ -316,10 +325,11 @@ class Obstacle:
         touch, along = self.may_touch, self.along
         if not isinstance(self.name, str) or not self.name:
             raise ConfigurationError(f"name is {self.name!r}; give a name")
-        if not isinstance(self.margin, Real) or not 0.0 <= float(self.margin) <= LARGEST:
-            raise ConfigurationError(f"margin is {self.margin!r}; give a distance from 0 on [m]")
-        if not isinstance(touch, list | tuple | set) or not all(isinstance(x, str) for x in touch):
-            raise ConfigurationError(f"may_touch is {touch!r}; give names of links in a list")
+        within(self.margin, "margin", 0.0, LARGEST, "a distance [m]")
+        if not isinstance(touch, list | tuple | set | np.ndarray) or not all(
+            isinstance(x, str) for x in touch
+        ):
+            raise ConfigurationError(f"may_touch is {shown(touch)}; give names of links in a list")
         twist = read_only(finite(self.twist, (6,), "twist", "[linear [m/s]; angular [rad/s]]"))
         if along is not None and twist.any():
             raise ConfigurationError("give an obstacle either twist or along, not both")

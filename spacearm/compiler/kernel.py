@@ -6,7 +6,6 @@ import ctypes
 import gc
 from array import array
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from itertools import zip_longest
 from threading import Lock
 from time import perf_counter
@@ -18,6 +17,7 @@ import numpy.typing as npt
 from spacearm.compiler.lanes import Lanes
 from spacearm.compiler.machine import Code, fuses, is_kept, width
 from spacearm.compiler.symbols import Rows, Traced, trace
+from spacearm.processes import Threads
 
 Array = npt.NDArray[np.float64]
 
@@ -209,7 +209,7 @@ class Kernel:
                 self._improve(perf_counter() - begun)
 
         if threads > 1 and shares > 1:
-            with ThreadPoolExecutor(min(threads, shares)) as pool:
+            with Threads(min(threads, shares)) as pool:
                 list(pool.map(run, range(shares)))
         else:
             for share in range(shares):

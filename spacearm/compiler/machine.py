@@ -17,6 +17,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from spacearm.errors import ResourceError
+
 #: Changes where what is kept can no longer be run.
 VERSION = 1
 #: Variable of the environment that names another folder; empty, nothing is kept.
@@ -27,8 +29,18 @@ MOST = 2000
 
 @cache
 def _llvm() -> Any:
-    """Return LLVM's binding, ready to compile for this processor."""
-    import llvmlite.binding as llvm
+    """Return LLVM's binding, ready to compile for this processor.
+
+    Raises:
+        ResourceError: It cannot be loaded.
+    """
+    try:
+        import llvmlite.binding as llvm
+    except (ImportError, OSError) as error:
+        raise ResourceError(
+            f"llvmlite, which compiles the equations of the arm, cannot be loaded: {error}; raise "
+            "the limit of memory (ulimit -v), or install llvmlite again"
+        ) from None
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()

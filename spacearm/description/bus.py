@@ -7,12 +7,12 @@ from dataclasses import KW_ONLY, dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, NO_NUMBERS, Array, ArrayLike, Parameters
+from spacearm.arrays import LARGEST, NO_NUMBERS, Array, ArrayLike, Parameters, finite, floats
 from spacearm.description.bodies import LONGEST, Inertial
 from spacearm.description.shapes import Box, Shape, Visuals
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError, warn
-from spacearm.signatures import checked
+from spacearm.signatures import checked, shown
 
 GOLD = (0.83, 0.66, 0.31, 1.0)
 STEEL = (0.55, 0.60, 0.66, 1.0)
@@ -100,7 +100,7 @@ class Bus(Parameters):
         """Pose of the middle of the top face (+z) in the bus frame; the identity without a size."""
         if self.size is None:
             return pin.SE3.Identity()
-        x, y, z = np.asarray(self.com, dtype=np.float64)
+        x, y, z = finite(self.com, (3,), "com of the bus", "[m]")
         return pin.SE3(np.eye(3), np.array([x, y, z + 0.5 * _edges(self.size)[2]]))
 
     def tree(self) -> Tree:
@@ -128,11 +128,11 @@ class Bus(Parameters):
 def _edges(size: ArrayLike) -> Array:
     """Return the edges (3,) [m], checked."""
     try:
-        edges = np.array(size, dtype=np.float64)
+        edges = floats(size)
     except NO_NUMBERS:
         edges = np.empty(0)
     if edges.shape != (3,) or not ((edges > 0.0) & (edges <= LARGEST)).all():
-        raise ModelError(f"size of the bus is {size!r}; give three positive lengths [m]")
+        raise ModelError(f"size of the bus is {shown(size)}; give three positive lengths [m]")
     return edges
 
 

@@ -328,9 +328,9 @@ def hold(tree: Tree, tips: Sequence[str], joints: Counting) -> tuple[Tree, dict[
     """
     leading = {joint.name: joint for joint in tree.leading()}
     counting = {tree.leader(joint).name for tip in tips for joint in tree.movable(tip)}
-    if joints == "all":
+    if isinstance(joints, str) and joints == "all":
         counting |= leading.keys()
-    elif joints != "tip":
+    elif not isinstance(joints, str) or joints != "tip":
         tree.require_leading(joints, "joints", "name")
         counting |= set(joints)
     held = {name: joint.rest for name, joint in leading.items() if name not in counting}
@@ -339,7 +339,7 @@ def hold(tree: Tree, tips: Sequence[str], joints: Counting) -> tuple[Tree, dict[
 
 def remaining(tree: Tree, joints: Counting) -> Counting:
     """Return `joints` without the names of joints that have been locked or made wheels since."""
-    if joints == "tip" or joints == "all":
+    if isinstance(joints, str):
         return joints
     leading = {joint.name for joint in tree.leading()}
     return tuple(name for name in joints if name in leading)

@@ -7,16 +7,25 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import count
-from numbers import Real
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, LEAST_MASS, Array, ArrayLike, finite, read_only
+from spacearm.arrays import (
+    LARGEST,
+    LEAST_MASS,
+    Array,
+    ArrayLike,
+    finite,
+    number_of,
+    read_only,
+    shape_of,
+)
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.shapes import Visuals
 from spacearm.errors import ConfigurationError, ModelError, listed, require_known, unknown
+from spacearm.signatures import shown
 
 #: Joints of wheels, or their largest torque [N m] and momentum [N m s] by name.
 Wheels: TypeAlias = Collection[str] | Mapping[str, Sequence[float]]
@@ -227,9 +236,11 @@ class Tree:
         """
         self.require_leading(values, "locked", "lock")
         for name, value in values.items():
-            if not isinstance(value, Real) or not abs(value) <= LARGEST:
-                raise ConfigurationError(f"locked: joint {name!r} at {value}; give a finite value")
-        values = dict(values)
+            if not abs(number_of(value)) <= LARGEST:
+                raise ConfigurationError(
+                    f"locked: joint {name!r} at {shown(value)}; give a finite value"
+                )
+        values = {name: float(value) for name, value in values.items()}
         while followers := {
             joint.name: joint.mimic.multiplier * values[joint.mimic.leader] + joint.mimic.offset
             for joint in self.joints.values()
@@ -255,7 +266,9 @@ class Tree:
         require_known("turning joint", wheels, turning, "wheels: ")
         tree = self.with_joints(*(replace(self.joints[name], kind="wheel") for name in wheels))
         limits = wheels.items() if isinstance(wheels, Mapping) else ()
-        return tree.with_joints(*(tree._limited_wheel(*both) for both in limits if len(both[1])))
+        return tree.with_joints(
+            *(tree._limited_wheel(*both) for both in limits if shape_of(both[1]) != (0,))
+        )
 
     def _limited_wheel(self, name: str, limits: Sequence[float]) -> Joint:
         """Return a wheel with a largest torque [N m] and momentum [N m s]."""
@@ -434,10 +447,10 @@ class Tree:
         Raises:
             ModelError: The link does not exist or has no mass, or the new mass is not positive.
         """
-        part = self.with_a_mass(link)
-        if not LEAST_MASS <= mass <= LARGEST:
-            raise ModelError(f"the mass of {link!r} is {mass:g} kg; give a positive one")
-        return replace(self, links={**self.links, link: part.with_mass(mass)})
+        part, number = self.with_a_mass(link), number_of(mass)
+        if not LEAST_MASS <= number <= LARGEST:
+            raise ModelError(f"the mass of {link!r} is {shown(mass)} kg; give a positive one")
+        return replace(self, links={**self.links, link: part.with_mass(number)})
 
     def length(self, link: str, tips: Iterable[str]) -> float:
         """Compute the length of a link [m]: from the joint that moves it to the next one.
@@ -494,8 +507,8 @@ class Tree:
             raise ModelError(
                 f"link {link!r} has no length: the next joint is where its own is; name another"
             )
-        if not LEAST_LENGTH <= length <= LARGEST:
-            raise ModelError(f"the length of {link!r} is {length:g} m; give a positive one")
+        if not LEAST_LENGTH <= number_of(length) <= LARGEST:
+            raise ModelError(f"the length of {link!r} is {shown(length)} m; give a positive one")
         k, lump = length / before, self.lumps[self.body_of[link]]
         moved = [
             replace(joint, origin=pin.SE3(joint.origin.rotation, k * joint.origin.translation))

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from spacearm.equations.linear_algebra import solve
+from spacearm.equations.linear_algebra import bidiagonal, solve
 
 #: Share of the accelerations that is left to turn by, and taken up by what the wish changes.
 TURNING = 0.25
@@ -39,6 +39,8 @@ TAKEN = 0.99
 #: Damping of motions in the null space that keep the attitude, as a share of the trace; how many
 #: times the others they are at most.
 DAMPING, LEVELS = 1e-5, 20.0
+#: Share of the norm of J* up to which its least singular value is zero.
+NO_INVERSE = 1e-9
 #: Larger numbers are faults.
 LARGEST = 1e9
 
@@ -147,8 +149,7 @@ def accelerated(xp: Any, y: Any, last: Any, dt: Any, limits: Any) -> tuple[Any, 
     """
     most = limits.acceleration * dt
     time = extreme(xp.maximum, xp.absolute(last) / limits.acceleration)
-    goes_on = time > dt
-    brake = last * xp.where(goes_on, 1.0 - dt / xp.where(goes_on, time, 1.0), 0.0)
+    brake = braked(xp, last, dt, limits)
     moves, change = xp.absolute(y) > 0.0, y - brake
     rate, rests = xp.where(moves, y, 1.0), xp.absolute(last) <= most
     ends = (last - most) / rate, (last + most) / rate
@@ -164,6 +165,26 @@ def accelerated(xp: Any, y: Any, last: Any, dt: Any, limits: Any) -> tuple[Any, 
     by = extreme(xp.minimum, at_most(xp, xp.absolute(change), left))
     goes = xp.where(along, share * y, brake + by * change)
     return brake, xp.where(along, xp.minimum(share, 1.0), by), goes
+
+
+def braked(xp: Any, last: Any, dt: Any, limits: Any) -> Any:
+    """Return the rates of an arm that brakes for a time, in a straight line."""
+    time = extreme(xp.maximum, xp.absolute(last) / limits.acceleration)
+    goes_on = time > dt
+    return last * xp.where(goes_on, 1.0 - dt / xp.where(goes_on, time, 1.0), 0.0)
+
+
+def resolved(
+    xp: Any, J: Any, least: Any, v: Any, far: Any, away: Any, limits: Any
+) -> tuple[Any, Any]:
+    """Return J^+ v with the motion along the lost direction slowed, and the share left of it."""
+    regular = least.sigma > NO_INVERSE * xp.sqrt((J * J).sum())
+    along = least.u @ v
+    rest = bidiagonal(xp, J).solution(xp, v - along * least.u, np.zeros(J.shape[1] - len(v)))
+    y = rest - (least.v @ rest) * least.v
+    own = along / xp.where(regular, least.sigma, 1.0) * least.v
+    share = xp.where(away @ own > 0.0, 1.0, nearness(xp, far, limits))
+    return xp.where(regular, y + share * own, 0.0), xp.where(regular, share, 0.0)
 
 
 def at_most(xp: Any, value: Any, most: Any) -> Any:

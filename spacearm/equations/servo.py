@@ -51,7 +51,7 @@ from spacearm.equations.kinematics import (
     task_jacobian_at,
 )
 from spacearm.equations.laws import attitude, quaternion_rate
-from spacearm.equations.linear_algebra import bidiagonal, least_with_vectors
+from spacearm.equations.linear_algebra import least_with_vectors
 from spacearm.equations.measures import distance
 from spacearm.equations.rate_limits import (
     LARGEST,
@@ -60,12 +60,13 @@ from spacearm.equations.rate_limits import (
     UNSEEN,
     accelerated,
     at_most,
+    braked,
     extreme,
     held_off,
     levelling,
-    nearness,
     norm,
     raising,
+    resolved,
     secant,
     share_of,
     shares_left,
@@ -106,8 +107,6 @@ BEYOND, WITHIN = 1.2, 1.5
 #: How many set out on all sides; nearer than `slow` the others set out ahead of an arm that moves,
 #: with this share of chance. One is lost beyond this times the widest way.
 AROUND, SPREAD, ASIDE = 2, 0.5, 1.5
-#: Share of the norm of J* up to which its least singular value is zero.
-NO_INVERSE = 1e-9
 #: Stands for a posture that holds nothing [rad].
 FREE = 1e6
 #: How far the square of a quaternion may be from 1.
@@ -120,7 +119,9 @@ JITTER = 2e-3
 CAUSES = ("lost direction", "approach", "rate", "wheels", "position", "stopping distance",
           "acceleration")  # fmt: skip
 #: What halts it, by `Tick.halt`.
-HALTS = ("", "q", "quaternion", "twist", "dt", "momentum", "jump", "search")
+HALTS = ("", "q", "quaternion", "twist", "dt", "momentum", "jump", "search", "numbers")
+#: Shortest time of a tick [s]: numbers are divided by it.
+SHORTEST = 1e-9
 
 
 class Seen(NamedTuple):
@@ -348,7 +349,7 @@ def step(
     last, before = memory.rates / radians, memory.q
     square = (quaternion * quaternion).sum()
     small = [xp.absolute(x).sum() <= LARGEST for x in (q, quaternion, twist, momentum)]
-    real = xp.logical_and(dt > 0.0, dt <= (1.0 + ROUNDING) * limits.longest)
+    real = xp.logical_and(dt >= SHORTEST, dt <= (1.0 + ROUNDING) * limits.longest)
     tick = xp.where(real, dt, memory.dt)
     more = xp.minimum(UNSEEN * tick, 0.5 * (limits.slow - limits.stop))
     limits = limits._replace(stop=limits.stop + more)
@@ -398,7 +399,7 @@ def step(
         turns = _axes(frame, R, at, len(tree.tips))
         wished = _turned(xp, turns, twist) - _drift(xp, tree, at, R, momentum)
         v = tree.scale[:, 0] * wished[np.array(tree.rows)]
-        y, slowed = _resolved(xp, J, least, v, far, away, limits)
+        y, slowed = resolved(xp, J, least, v, far, away, limits)
         if keep_attitude:
             y = y + levelling(xp, least.null, connection_at(xp, tree, at) * radians, y)
         elif least.null:
@@ -443,7 +444,23 @@ def step(
         told, halt,
     )  # fmt: skip
     mine = {"rates": tick_.rates, "wished": radians * y, "turn": radians * turn, "held": held}
-    return tick_, after._replace(**mine, q=q, dt=tick)
+    return _secured(xp, tick_, after._replace(**mine, q=q, dt=tick), last, limits)
+
+
+def _secured(xp: Any, tick: Tick, memory: Memory, last: Any, limits: Limits) -> tuple[Tick, Memory]:
+    """Return tick and memory as they are if all numbers of the memory are finite.
+
+    If not, the arm halts and knows nothing: it brakes from its last rates (n,), in radians, if
+    they are finite, else it rests.
+    """
+    sound = xp.absolute(packed(memory, xp)).sum() < np.inf
+    brake = limits.radians * braked(xp, last, xp.where(sound, memory.dt, 0.0), limits)
+    brake = xp.where(xp.absolute(brake).sum() < np.inf, brake, 0.0)
+    q = xp.where(xp.absolute(memory.q).sum() < np.inf, memory.q, 0.0)
+    nothing = unknowing(len(q), q)._replace(rates=brake)
+    zero = 0.0 * tick.nearest
+    halted = Tick(brake, np.inf, q, zero, 0.0 * tick.lost, 0.0, 0.0, 0.0 * tick.shares, 8.0)
+    return _either(xp, sound, tick, halted), _either(xp, sound, memory, nothing)
 
 
 def _searched(
@@ -454,7 +471,7 @@ def _searched(
     Long ways have more parts, and those that took long.
     """
     begun = memory.q / limits.radians
-    often = xp.minimum(at_most(xp, _distance(xp, x, begun), LOOK), at_most(xp, memory.dt, LASTS))
+    often = xp.minimum(at_most(xp, norm(xp, x - begun), LOOK), at_most(xp, memory.dt, LASTS))
     part = xp.where(fresh, 1.0, xp.maximum(often, 1.0 / LOOKS))
 
     def look(gone: Any, q: Any, *state: Any) -> tuple[Any, ...]:
@@ -527,7 +544,7 @@ def _follow(
     sizes = [_size(xp, *of) for of in zip(found, ages, longest, strict=True)]
     for i in range(KEPT):  # of two that have become one the nearer goes on
         for j in range(i):
-            same = _distance(xp, found[i].point, found[j].point) < APART
+            same = norm(xp, found[i].point - found[j].point) < APART
             nearer = sizes[i] < sizes[j]
             gone = xp.logical_and(same, nearer), xp.logical_and(same, xp.logical_not(nearer))
             sizes[j], sizes[i] = (
@@ -554,7 +571,7 @@ def _follow(
             farther = sizes[j] > worst
             worst, place = xp.where(farther, sizes[j], worst), xp.where(farther, 1.0 * j, place)
         for j in range(KEPT):  # or that of one nearby
-            close = _distance(xp, scout.point, found[j].point) < APART
+            close = norm(xp, scout.point - found[j].point) < APART
             close = xp.logical_and(sizes[j] < np.inf, close)
             worst = xp.where(close, NEARER * sizes[j], worst)
             place = xp.where(close, 1.0 * j, place)
@@ -564,7 +581,7 @@ def _follow(
             mine = xp.logical_and(takes, xp.absolute(place - j) < 0.5)
             found[j] = _either(xp, mine, scout, found[j])
             sizes[j], ages[j] = xp.where(mine, sizes[i], sizes[j]), xp.where(mine, 0.0, ages[j])
-        on_the_way = xp.logical_and(ages[i] < PATIENCE, _distance(xp, scout.point, x) < lost)
+        on_the_way = xp.logical_and(ages[i] < PATIENCE, norm(xp, scout.point - x) < lost)
         goes = xp.logical_and(on_the_way, xp.logical_not(rests))
         found[i] = _either(xp, goes, scout, scout._replace(point=start, slide=0.0 * x, share=SHARE))
         ages[i] = xp.where(goes, ages[i] + 1.0, 0.0)
@@ -680,21 +697,3 @@ def _lost(xp: Any, tree: Structure, turns: list[Any], u: Any) -> Any:
         rows[row] = own[i]
     found = _turned(xp, [T.T for T in turns], xp.stack(rows))
     return found / norm(xp, found)
-
-
-def _resolved(
-    xp: Any, J: Any, least: Any, v: Any, far: Any, away: Any, limits: Limits
-) -> tuple[Any, Any]:
-    """Return J^+ v with the motion along the lost direction slowed, and the share left of it."""
-    regular = least.sigma > NO_INVERSE * xp.sqrt((J * J).sum())
-    along = least.u @ v
-    rest = bidiagonal(xp, J).solution(xp, v - along * least.u, np.zeros(J.shape[1] - len(v)))
-    y = rest - (least.v @ rest) * least.v
-    own = along / xp.where(regular, least.sigma, 1.0) * least.v
-    share = xp.where(away @ own > 0.0, 1.0, nearness(xp, far, limits))
-    return xp.where(regular, y + share * own, 0.0), xp.where(regular, share, 0.0)
-
-
-def _distance(xp: Any, x: Any, y: Any) -> Any:
-    """Return how far two points are apart."""
-    return norm(xp, x - y)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import mmap
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import lru_cache
 from typing import Any
@@ -16,7 +15,16 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, Array, ArrayLike, Integers, Progress, numbers_of, whole
+from spacearm.arrays import (
+    LARGEST,
+    MOST_THREADS,
+    Array,
+    ArrayLike,
+    Integers,
+    Progress,
+    numbers_of,
+    whole,
+)
 from spacearm.compiler.expressions import LongTapeError
 from spacearm.compiler.machine import processors
 from spacearm.equations import measures
@@ -30,6 +38,7 @@ from spacearm.mechanics.dynamics import forward_dynamics
 from spacearm.mechanics.jacobian import generalized_jacobian, singular_values_of, task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
+from spacearm.processes import Threads
 from spacearm.signatures import checked
 
 #: Configurations per thread and block: their data fit the processor cache.
@@ -118,11 +127,11 @@ def fill(
                 values[block][wrong] = np.nan
 
     m = len(next(iter(rows.values())))
-    threads = processors() if threads is None else whole(threads, "threads", 1)
+    threads = processors() if threads is None else whole(threads, "threads", 1, MOST_THREADS)
     size = min(BLOCK, max(-(-m // threads), LEAST))
     blocks = [slice(i, min(i + size, m)) for i in range(0, m, size)]
     maps = [_memory_map(array) for array in (*rows.values(), *results.values())]
-    with ThreadPoolExecutor(threads) as pool:
+    with Threads(threads) as pool:
         done = pool.map(do, blocks) if len(blocks) > 1 else map(do, blocks)
         try:
             for i, _ in enumerate(done):

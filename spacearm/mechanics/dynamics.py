@@ -501,7 +501,9 @@ def capture(
     before = generalized_velocity(cfg, rates)
     held = cfg.arm.grasp(mass, inertia, com).at(cfg.q, base=cfg.base)
     R = cfg.tip.rotation
-    lever, I = R @ np.asarray(com), np.zeros((3, 3)) if inertia is None else np.asarray(inertia)
+    lever = R @ finite(com, (3,), "com", "[m]")
+    moments = np.zeros((3, 3)) if inertia is None else inertia
+    I = finite(moments, (3, 3), "inertia", "[kg m^2]")
     M_t = pin.Inertia(mass, lever, R @ I @ R.T).matrix()
     t = finite(target_twist, (6,), "target_twist", "[linear [m/s]; angular [rad/s]]")
     t[:3] -= np.cross(t[3:], lever)

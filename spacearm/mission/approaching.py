@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, positive, shape_of
+from spacearm.arrays import Array, finite, numbers_of, positive
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.collisions.separation import contact_on
 from spacearm.errors import (
@@ -53,6 +53,7 @@ from spacearm.planning.strategies.at_rest import by_methods
 from spacearm.planning.strategies.attitude_held import attitude_held
 from spacearm.planning.strategies.drift import ramp_ends, stretched
 from spacearm.planning.timing import PEAK, eased
+from spacearm.signatures import shown
 from spacearm.singularities.sets import singular_set
 
 #: What is grasped: a frame, that of each tip, or those of tips that grasp one after the other.
@@ -127,10 +128,14 @@ class Approach:
         grapples = cls.named(arm, target, grapple)
         early, late = finite(window, (2,), "window", "[s], the earliest and the latest contact")
         if not 0.0 <= early <= late:
-            raise ConfigurationError(f"window is {window!r}; give two increasing times from 0 s on")
-        most = shape_of(bears) == (2,) and np.asarray(bears, dtype=np.float64)
-        if most is False or not (most > 0.0).all():
-            raise ConfigurationError(f"bears is {bears!r}; give a force [N] and a moment [N m] > 0")
+            raise ConfigurationError(
+                f"window is {shown(window)}; give two increasing times from 0 s on"
+            )
+        most = numbers_of(bears, "bears")
+        if most.shape != (2,) or not (most > 0.0).all():
+            raise ConfigurationError(
+                f"bears is {shown(bears)}; give a force [N] and a moment [N m] > 0"
+            )
         if touching is None:
             lumps = [arm.tree.lumps[arm.tree.body_of[tip]] for tip in arm.tips]
             touching = [link for lump in lumps for link in lump]

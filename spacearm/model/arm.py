@@ -136,7 +136,7 @@ class SpaceArm(JointSpace, Described):
             task=with_length(task, tree, tips, path),
             wheels=wheels_of(tree, model, path),
             joint_names=tuple(joint.name for joint in leading),
-            joints=joints if isinstance(joints, str) else tuple(joints),
+            joints=joints if isinstance(joints, str) else tuple(map(str, joints)),
             held=MappingProxyType(held),
             coupling=None if len(C) == len(leading) else C,
             offsets=offsets,

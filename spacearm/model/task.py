@@ -9,7 +9,6 @@ random ones tell it: rows of J* that depend on each other there do so everywhere
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,7 +19,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, positive, whole
 from spacearm.description.tree import Tree, coupling
 from spacearm.errors import ConfigurationError, ModelError, unknown
 from spacearm.model.frames import LWA
@@ -28,6 +27,8 @@ from spacearm.signatures import checked
 
 #: Names of rows.
 Rows: TypeAlias = Sequence[str]
+#: Most tips of a task.
+MOST_TIPS = 100
 ROWS = ("x", "y", "z", "rx", "ry", "rz")
 ALIASES = {"pose": ROWS, "position": ROWS[:3], "orientation": ROWS[3:]}
 
@@ -60,8 +61,9 @@ class Task:
     tips: int = 1
 
     def __post_init__(self) -> None:
-        if self.length is not None and not (math.isfinite(self.length) and self.length > 0):
-            raise ConfigurationError(f"task length is {self.length}; give a positive length [m]")
+        whole(self.tips, "tips of a task", 1, MOST_TIPS)
+        if self.length is not None:
+            positive(self.length, "task length", "length [m]")
         if self.length is not None and not self.mixed:
             raise ConfigurationError(
                 f"task {self.names!r} has rows of one kind only: a length of {self.length} m "

@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from spacearm.arrays import Array, ArrayLike, Parameters, finite, positive
+from spacearm.arrays import Array, ArrayLike, Parameters, finite, positive, within
 from spacearm.compiler import numbers
 from spacearm.equations import laws
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
@@ -36,6 +36,8 @@ Controller = Callable[[float, Configuration, Array], ArrayLike]
 Laws: TypeAlias = Controller | Mapping[str, Controller]
 #: A goal, or a function of time [s] that gives one: a moving target, or a path and the speed.
 MovingGoal: TypeAlias = Goal | Callable[[float], Goal]
+#: Largest rate at which a law takes up rates or errors [1/s]: faster ones take steps too small.
+FASTEST = 1e6
 
 
 @checked
@@ -127,6 +129,9 @@ class RateLaw(TipLaw):
     gain: ArrayLike = 1.0
     servo: float = 20.0
 
+    def __post_init__(self) -> None:
+        within(self.servo, "servo", 0.0, FASTEST, "a rate [1/s]")
+
     @abstractmethod
     def rates(self, t: float, cfg: Configuration) -> Array:
         """Return the joint rates (n,) that the law asks for [rad/s] or [m/s]."""
@@ -192,6 +197,8 @@ class DampedLeastSquares(RateLaw):
     threshold: float = 0.1
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        within(self.damping, "damping", 0.0)
         positive(self.threshold, "threshold")
 
     def rates(self, t: float, cfg: Configuration) -> Array:
@@ -340,7 +347,7 @@ class Tracking(Law):
     rate: float = 5.0
 
     def __post_init__(self) -> None:
-        positive(self.rate, "rate", "rate [1/s]")
+        positive(self.rate, "rate", "rate [1/s]", most=FASTEST)
 
     def wheel_torques(self, t: float) -> Array:
         """Return the torques (w,) that the wheels take up at a time [N m]."""

@@ -37,7 +37,7 @@ from spacearm.motion.goal import Goal, Origin, goal_pose
 from spacearm.motion.motion import Drifting, RateJump
 from spacearm.motion.motion_file import Quantity
 from spacearm.results import Description, Tone
-from spacearm.signatures import checked
+from spacearm.signatures import checked, shown
 from spacearm.singularities.nearest import nearest_locally
 from spacearm.singularities.report import NO_INVERSE
 
@@ -124,7 +124,7 @@ def segments(
 
 def _no_path(path: object) -> ConfigurationError:
     return ConfigurationError(
-        f"path is {path!r}; give corners (one: [goal]), or a function of path length"
+        f"path is {shown(path)}; give corners (one: [goal]), or a function of path length"
     )
 
 

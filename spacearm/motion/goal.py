@@ -34,14 +34,17 @@ def started(cfg: Configuration, origin: Origin) -> Configuration:
             a `Workspace`; `base` then gives the attitude.
 
     Raises:
-        ConfigurationError: The origin is "cm" and the base has a position.
+        ConfigurationError: The origin is "cm", and the base has a position that does not put the
+            system CM there.
     """
     if origin == "spacecraft":
         return cfg
-    if cfg.base.translation.any():
+    centred = np.linalg.norm(cfg.com) <= AT_ORIGIN
+    if cfg.base.translation.any() and not centred:
         raise ConfigurationError(
-            f"base has the position {cfg.base.translation.tolist()}, and origin='cm' puts the "
-            "system CM at the origin; give a base that only turns, or origin='spacecraft'"
+            f"base has the position {cfg.base.translation.tolist()}, which puts the system CM "
+            f"{np.linalg.norm(cfg.com):.3g} m from the origin, where origin='cm' has it; give a "
+            "base that only turns, start.centred([0, 0, 0]), or origin='spacecraft'"
         )
     return cfg.centred(np.zeros(3))
 

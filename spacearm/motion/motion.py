@@ -13,7 +13,17 @@ import numpy as np
 import pinocchio as pin
 import scipy
 
-from spacearm.arrays import Array, ArrayLike, finite, numbers_of, plain, read_only, shape_of
+from spacearm.arrays import (
+    LARGEST,
+    Array,
+    ArrayLike,
+    finite,
+    numbers_of,
+    plain,
+    read_only,
+    shape_of,
+    within,
+)
 from spacearm.errors import ConfigurationError, listed
 from spacearm.files import arrays_in
 from spacearm.mechanics.batch import evaluate
@@ -225,6 +235,7 @@ class Motion(Result):
         Args:
             t: The time [s].
         """
+        t = within(t, "t", -LARGEST, LARGEST, "a time [s]")
         i = int(np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, max(len(self) - 2, 0)))
         j = min(i + 1, len(self) - 1)
         if i == j or t <= self.t[i]:

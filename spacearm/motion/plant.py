@@ -19,6 +19,7 @@ from spacearm.arrays import (
     named,
     positive,
     shape_of,
+    steps,
     whole,
     within,
 )
@@ -26,7 +27,7 @@ from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import EVENTS
 from spacearm.results import Table
-from spacearm.signatures import checked
+from spacearm.signatures import checked, shown
 
 #: (6,) [force [N]; torque [N m]], or a function of time [s] that gives it.
 Wrench: TypeAlias = ArrayLike | Callable[[float], ArrayLike]
@@ -36,8 +37,12 @@ Motors: TypeAlias = Callable[[float], ArrayLike]
 
 #: Intervals of the output of a run, if no other is asked for.
 OUTPUTS = 1000
+#: Most of them, as each takes up to a kilobyte.
+MOST_OUTPUTS = 1_000_000
 #: Share of an interval of the output up to which the last one is not worth a row of its own.
 ROUNDING = 1e-9
+#: The least `atol` that the integrators take.
+LEAST_TOLERANCE = 1e-30
 #: The least `rtol` that the integrators take.
 FINEST = 100.0 * float(np.finfo(np.float64).eps)
 
@@ -104,7 +109,8 @@ class WheelHold(Parameters):
 
     def __post_init__(self) -> None:
         for name in ("stiffness", "damping", "torque", "capacity"):
-            within(getattr(self, name), f"{name} of the wheels", 0.0)
+            most = LARGEST if name in ("stiffness", "damping") else math.inf
+            within(getattr(self, name), f"{name} of the wheels", 0.0, most)
 
 
 @checked
@@ -136,12 +142,11 @@ class Plant(Parameters):
         for link, wrench, _ in self.pushed:
             wrench_at(link, wrench, 0.0)
         for name, joint in () if isinstance(self.passive, str) else self.passive.items():
-            values = np.array(joint, dtype=np.float64)
-            if not (np.abs(values) <= LARGEST).all() or joint.slip <= 0.0 or joint.damping < 0.0:
-                raise ConfigurationError(
-                    f"passive joint {name!r} is {joint!r}; give finite numbers, damping from 0 on "
-                    "and slip above 0"
-                )
+            where = f"passive joint {name!r}: "
+            for field_name, value in joint._asdict().items():
+                finite(value, (), where + field_name)
+            within(joint.damping, where + "damping", 0.0)
+            positive(joint.slip, where + "slip")
 
     @property
     def pushed(self) -> list[tuple[str, Wrench, bool]]:
@@ -177,9 +182,9 @@ class Integration(Parameters):
     method: Literal["auto", "DOP853", "Rodas5P"] = "auto"
 
     def __post_init__(self) -> None:
-        for name in ("rtol", "atol", "reach"):
-            positive(getattr(self, name), name)
         within(self.rtol, "rtol", FINEST)
+        positive(self.atol, "atol", least=LEAST_TOLERANCE)
+        positive(self.reach, "reach")
         if self.dt is not None:
             positive(self.dt, "dt", "time [s]")
 
@@ -189,7 +194,7 @@ class Integration(Parameters):
         Raises:
             ConfigurationError: The time between them is longer than the run.
         """
-        dt = self.dt or duration / OUTPUTS
+        dt = steps(duration, self.dt or duration / OUTPUTS, "dt", MOST_OUTPUTS)
         if dt > duration:
             raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
         return dt * np.arange(math.ceil(duration / dt - ROUNDING))
@@ -224,7 +229,7 @@ class Sampling(Parameters):
 
     def __post_init__(self) -> None:
         positive(self.period, "period", "time [s]")
-        whole(self.seed, "seed", 0)
+        whole(self.seed, "seed", 0, math.inf)
         within(self.delay, "delay", 0.0, LARGEST, "a time [s]")
 
     @property
@@ -248,7 +253,7 @@ class Sampling(Parameters):
             value, shape = getattr(self, name), (size,) if shape_of(getattr(self, name)) else ()
             deviation = finite(value, shape, name, f"(standard deviation), one number or {size}")
             if deviation.min() < 0.0:
-                raise ConfigurationError(f"{name} is {value!r}; give deviations from 0 on")
+                raise ConfigurationError(f"{name} is {shown(value)}; give deviations from 0 on")
             parts.append(np.broadcast_to(deviation, size))
         return np.concatenate(parts)
 

@@ -9,14 +9,14 @@ of its energy.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, wait
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import ArrayLike, finite, positive, shape_of, whole
+from spacearm.arrays import MOST_THREADS, ArrayLike, finite, positive, shape_of, steps, whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError, NoSolutionError, require_known
 from spacearm.mechanics.arm_kernels import structure_of
@@ -29,6 +29,7 @@ from spacearm.motion.motion import Trajectory
 from spacearm.motion.plant import Integration, Plant, Sampling
 from spacearm.motion.run import Progress, Runs
 from spacearm.motion.system import Prepared, System, prepared, wanted_events
+from spacearm.processes import Threads
 from spacearm.signatures import checked
 
 if TYPE_CHECKING:
@@ -117,6 +118,7 @@ def _advance(run: Runs, duration: float, sampling: Sampling | None, progress: Pr
     if sampling is None:
         run.advance(duration, progress)
     else:
+        steps(duration, sampling.period, "period")
         run.advance_sampled(duration, sampling, progress)
 
 
@@ -253,7 +255,7 @@ def simulate_many(
         sampling.noise(arm.n)  # raises for one that makes no sense
     ready = _prepared_all(systems, stop, integration)
     looks = np.linspace(0.0, duration, LOOKS, endpoint=False)
-    workers = processors() if threads is None else whole(threads, "threads", 1)
+    workers = processors() if threads is None else whole(threads, "threads", 1, MOST_THREADS)
     pieces = list(_pieces(ready, min(PIECE, -(-m // workers))))
     shares, stopped = np.zeros(len(pieces)), Event()
 
@@ -272,7 +274,7 @@ def simulate_many(
         return side.summary(distance)
 
     found: dict[str, npt.NDArray[Any]] = {}
-    with ThreadPoolExecutor(workers) as pool:
+    with Threads(workers) as pool:
         try:
             jobs = {pool.submit(simulated, k): runs for k, runs in enumerate(pieces)}
             while jobs:

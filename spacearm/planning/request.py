@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from numbers import Real
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -126,13 +126,12 @@ class Search:
     boxes: FreeBoxes | None = None
 
     def __post_init__(self) -> None:
-        whole(self.seed, "seed", 0)
+        whole(self.seed, "seed", 0, math.inf)
         if self.method == "boxes" and self.boxes is None:
             raise ConfigurationError(
                 'method "boxes" needs boxes; give boxes=sa.free_boxes(arm), or those of a file'
             )
-        if not isinstance(self.timeout, Real) or not self.timeout > 0.0:
-            raise ConfigurationError(f"timeout is {self.timeout!r}; give a positive time [s]")
+        positive(self.timeout, "timeout", "time [s]", least=0.0)
 
     def to_dict(self) -> dict[str, Any]:
         """Return seed, timeout and method as plain data."""

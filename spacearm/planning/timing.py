@@ -10,9 +10,10 @@ import numpy as np
 from scipy.interpolate import BPoly, BSpline, PPoly, make_interp_spline
 from scipy.special import betaincinv
 
-from spacearm.arrays import Array, ArrayLike, Integers, finite
+from spacearm.arrays import SMALLEST, Array, ArrayLike, Integers, finite
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
+from spacearm.signatures import shown
 
 #: Rate of joints whose URDF gives no velocity limit [rad/s] or [m/s].
 UNLIMITED = 0.5
@@ -117,8 +118,8 @@ def for_each_joint(arm: SpaceArm, given: ArrayLike | None, name: str, default: A
         return default
     shape = (arm.n,) if np.iterable(given) else ()
     bounds = finite(given, shape, name, "(the largest one, for all joints or for each)")
-    if not (bounds > 0.0).all():
-        raise ConfigurationError(f"{name} is {given!r}; give positive numbers")
+    if not (bounds >= SMALLEST).all():
+        raise ConfigurationError(f"{name} is {shown(given)}; give numbers from {SMALLEST:g} on")
     return np.broadcast_to(bounds, arm.n)
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+import os
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from datetime import datetime, timezone
 from functools import wraps
 from itertools import cycle
 from pathlib import Path
@@ -113,6 +115,24 @@ class Figure(mpl_figure.Figure):
                 axes.apply_aspect()
         super().draw(renderer)
 
+    def savefig(self, *args: Any, **kwargs: Any) -> None:
+        """Write the figure as Matplotlib does.
+
+        Raises:
+            ConfigurationError: The variable SOURCE_DATE_EPOCH, which dates SVG and PDF files, is no
+                time.
+        """
+        try:
+            super().savefig(*args, **kwargs)
+        except (ValueError, OverflowError) as error:
+            seconds = os.environ.get("SOURCE_DATE_EPOCH", "")
+            if not seconds or _is_date(seconds):
+                raise
+            raise ConfigurationError(
+                f"the variable SOURCE_DATE_EPOCH is {seconds!r}; give the date of the picture in "
+                "whole seconds since 1970, or unset it"
+            ) from error
+
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         """Return the picture and its size on the page [px]."""
         buffer = io.BytesIO()
@@ -120,6 +140,15 @@ class Figure(mpl_figure.Figure):
             self.savefig(buffer, format="png")
         width, height = (int(PIXELS_PER_INCH * inches) for inches in self.get_size_inches())
         return buffer.getvalue(), {"width": width, "height": height}
+
+
+def _is_date(seconds: str) -> bool:
+    """Tell whether a text is a time in whole seconds since 1970."""
+    try:
+        datetime.fromtimestamp(int(seconds), timezone.utc)
+    except (ValueError, OverflowError, OSError):
+        return False
+    return True
 
 
 def figure(width: float, height: float) -> Figure:

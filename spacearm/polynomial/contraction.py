@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple, TypeVar
 
@@ -28,6 +27,7 @@ from spacearm.arrays import Array
 from spacearm.compiler import numbers
 from spacearm.compiler.machine import processors
 from spacearm.polynomial.univariate import Complex
+from spacearm.processes import Threads
 
 #: Points of a block: a thread's work at a time.
 BLOCK = 1 << 12
@@ -115,7 +115,7 @@ def contract(
     starts = range(0, max(len(Q), 1), BLOCK)
     if len(starts) == 1:
         return do(0)
-    with ThreadPoolExecutor(processors()) as pool:
+    with Threads(processors()) as pool:
         return np.concatenate(list(pool.map(do, starts)), -1)
 
 
@@ -322,5 +322,5 @@ def over_blocks(
         sums = (B[first][i] @ flat).reshape(ordered.shape[1:])
         return list(nested(sums, 1, {first: slice(i, i + 1)}))
 
-    with ThreadPoolExecutor(processors() if threads is None else threads) as pool:
+    with Threads(processors() if threads is None else threads) as pool:
         return [x for found in pool.map(task, range(shape[first])) for x in found]

@@ -9,7 +9,6 @@ contracted, the largest first; derivatives up to an order are carried along.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import product
@@ -26,6 +25,7 @@ from spacearm.polynomial.trig import (
     derivative_bounds,
 )
 from spacearm.polynomial.univariate import orders
+from spacearm.processes import Threads
 
 #: Largest number of partial sums that an evaluation holds at once.
 BLOCK = 1 << 22
@@ -319,7 +319,7 @@ def derivatives(polynomials: Sequence[Jets], Q: Array, indices: Sequence[tuple[i
         for some in work:
             do(*some)
     else:
-        with ThreadPoolExecutor(processors()) as pool:
+        with Threads(processors()) as pool:
             list(pool.map(do, *zip(*work, strict=True)))
     return found
 

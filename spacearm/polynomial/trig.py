@@ -31,17 +31,30 @@ from typing import Any
 
 import numpy as np
 
-from spacearm.arrays import NO_NUMBERS, Array, ArrayLike, Integers, plain, whole
+from spacearm.arrays import (
+    MOST_THREADS,
+    NO_NUMBERS,
+    Array,
+    ArrayLike,
+    Integers,
+    floats,
+    plain,
+    whole,
+)
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.polynomial.contraction import Index, T, contract, over_blocks, to_complex, to_real
 from spacearm.polynomial.univariate import Complex, Roots, distinct, line_roots, orders, real_roots
 from spacearm.results import Cell, Described, Description, Measure, Table
-from spacearm.signatures import checked
+from spacearm.signatures import checked, shown
 
 Sampler = Callable[[Array], Array]
 
 #: Largest number of samples of a fit, to bound its memory.
 MOST_SAMPLES = 10_000_000
+#: Largest number of angles of a fit: with more it has too many coefficients in any case.
+MOST_ANGLES = 20
+#: Largest number of points of a grid whose values are kept: 4 GB.
+MOST_GRID = 500_000_000
 #: Random lines along each angle, from whose spectra its degree is found.
 LINES = 4
 #: Random points at which a fit is compared with new samples.
@@ -203,6 +216,7 @@ class TrigPolynomial(Described):
 
         Each has its own degrees; all are sampled on the grid of the highest.
         """
+        n, highest = whole(n, "n", 1, MOST_ANGLES), whole(highest, "highest", 0, MOST_SAMPLES)
         rng = np.random.default_rng(0)
         degrees = degrees_of(sampler, n, highest, rng)
         fitted = [cls(c) for c in interpolants(sampler, degrees)]
@@ -221,11 +235,13 @@ class TrigPolynomial(Described):
     def _angles(self, Q: ArrayLike) -> Array:
         """Return angles (n,) or (m, n), checked."""
         try:
-            points = np.asarray(Q, dtype=np.float64)
+            points = floats(Q)
         except NO_NUMBERS:
             points = np.empty(0)
         if points.ndim not in (1, 2) or points.shape[-1] != self.n:
-            raise ConfigurationError(f"Q is {Q!r}; give (n,) or (m, n) angles [rad], n = {self.n}")
+            raise ConfigurationError(
+                f"Q is {shown(Q)}; give (n,) or (m, n) angles [rad], n = {self.n}"
+            )
         return points
 
     def along(self, Q: Array, keep: tuple[int, ...]) -> Complex:
@@ -292,9 +308,15 @@ class TrigPolynomial(Described):
         Raises:
             ConfigurationError: `shape` or `out` has the wrong shape.
         """
+        shape = self._grid_shape(shape)
+        if out is None and math.prod(shape) > MOST_GRID:
+            raise ConfigurationError(
+                f"a grid of shape {shape} has {math.prod(shape):,} points; give at most "
+                f"{MOST_GRID:,}, or use on_grid, which does not keep the values"
+            )
         values = np.empty(shape) if out is None else out
-        if values.shape != tuple(shape):
-            raise ConfigurationError(f"out has shape {values.shape}; give {tuple(shape)}")
+        if values.shape != shape:
+            raise ConfigurationError(f"out has shape {values.shape}; give {shape}")
 
         def keep(block: Array, index: Index) -> None:
             values[index] = block
@@ -325,9 +347,15 @@ class TrigPolynomial(Described):
         Example:
             The share where S < 0: `np.mean(S.on_grid(shape, lambda v, _: (v < 0.0).mean()))`.
         """
-        if len(shape) != self.n or min(shape, default=1) < 1:
+        if threads is not None:
+            threads = whole(threads, "threads", 1, MOST_THREADS)
+        return over_blocks(self.real, self._grid_shape(shape), do, threads)
+
+    def _grid_shape(self, shape: Sequence[int]) -> tuple[int, ...]:
+        """Return the numbers of points of a grid, checked."""
+        if len(shape) != self.n:
             raise ConfigurationError(f"a grid has shape {shape}; give {self.n} numbers of points")
-        return over_blocks(self.real, tuple(shape), do, threads)
+        return tuple(whole(points, "points of a grid", 1) for points in shape)
 
     @cached_property
     def derivatives(self) -> tuple[TrigPolynomial, ...]:

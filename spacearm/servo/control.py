@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from spacearm.arrays import Array, ArrayLike, positive
+from spacearm.arrays import Array, ArrayLike, positive, within
+from spacearm.equations.servo import SHORTEST
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.model.arm import Configuration
@@ -55,12 +56,8 @@ class ServoControl(Law):
     _taken: deque[tuple[bytes, ServoStep]] = field(default_factory=deque, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        positive(self.period, "period", "period [s]")
-        if self.period > self.servo.limits.longest:
-            raise ConfigurationError(
-                f"period is {self.period:g} s; a step of the servo takes at most "
-                f"{self.servo.limits.longest:g} s: give a shorter one"
-            )
+        longest = float(self.servo.limits.longest)
+        within(self.period, "period", SHORTEST, longest, "the time of a step of the servo [s],")
         if positive(self.gain, "gain", "gain [1/s]") * self.period > 1.0 + SAME:
             raise ConfigurationError(
                 f"gain is {self.gain:g} 1/s, by which joints overshoot in a period of "

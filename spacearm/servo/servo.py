@@ -9,7 +9,17 @@ from typing import Any, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import NO_NUMBERS, Array, ArrayLike, Progress, plain, positive, shape_of
+from spacearm.arrays import (
+    NO_NUMBERS,
+    SMALLEST,
+    Array,
+    ArrayLike,
+    Progress,
+    floats,
+    plain,
+    positive,
+    shape_of,
+)
 from spacearm.equations import servo as ticks
 from spacearm.equations.servo import Frame, Limits, Memory, Seen, Tick, packed, unpacked
 from spacearm.errors import ConfigurationError, UnsupportedError, listed, require_known
@@ -43,10 +53,11 @@ HALTED = {
     "q": "the joint positions are not finite numbers",
     "quaternion": "the attitude is not a unit quaternion",
     "twist": "the commanded twist is not finite",
-    "dt": f"dt is not a time above 0 and up to {LONGEST:g} s",
+    "dt": f"dt is not a time from {ticks.SHORTEST:g} s to {LONGEST:g} s",
     "momentum": "the momentum is not finite",
     "jump": "a joint has moved faster than twice its largest rate since the last step",
     "search": "the nearest singular postures are being looked for",
+    "numbers": "a number that is remembered is not finite; the search begins anew",
 }
 
 
@@ -210,9 +221,9 @@ class Servo:
                 f"{arm.name}: keep_attitude takes a free-floating arm with more joints than the "
                 f"{arm.task.k} rows of its task; it has {arm.n} ({mode})"
             )
-        if not 0.0 < stop < slow <= np.pi:
+        if not SMALLEST <= stop < slow <= np.pi:
             raise ConfigurationError(
-                f"stop is {stop:g} and slow {slow:g}; give 0 < stop < slow <= pi [rad]"
+                f"stop is {stop:g} and slow {slow:g}; give {SMALLEST:g} <= stop < slow <= pi [rad]"
             )
         described = [arm.tree.joints[name].velocity for name in arm.joint_names]
         self.arm, self.mode, self.frame, self.keep_attitude = arm, mode, frame, keep_attitude
@@ -310,7 +321,7 @@ class Servo:
                 configuration counts.
             twist: (6 tips,) the commanded twist of the tips [linear [m/s]; angular [rad/s]], or
                 (k,) its task rows.
-            dt: Time until the next step [s], up to 0.1 s.
+            dt: Time until the next step [s], from 1e-9 s to 0.1 s.
 
         Returns:
             The rates, the distance, what is being lost and slowed; a halt with its reason if the
@@ -369,12 +380,12 @@ class Servo:
 def _limits(arm: SpaceArm, values: ArrayLike, name: str) -> Array:
     """Return the largest rates or accelerations (n,), checked."""
     try:
-        found = np.broadcast_to(np.asarray(values, dtype=float), (arm.n,))
+        found = np.broadcast_to(floats(values), (arm.n,))
     except NO_NUMBERS:
         found = np.zeros(0)
-    if found.shape != (arm.n,) or not (found > 0.0).all():
+    if found.shape != (arm.n,) or not (found >= SMALLEST).all():
         raise ConfigurationError(
-            f"{name} is {values!r}; give a positive number, or one for each of: "
+            f"{name} is {shown(values)}; give a number from {SMALLEST:g} on, or one for each of: "
             f"{listed(arm.joint_names)}"
         )
     return np.minimum(found, UNLIMITED)
@@ -390,7 +401,7 @@ def _pair(posture: object) -> tuple[Any, Any]:
 def _numbers(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
     """Return numbers of a shape, finite or not."""
     try:
-        found = np.asarray(values, dtype=float)
+        found = floats(values)
     except NO_NUMBERS:
         found = np.empty(0)
     if found.shape != shape:

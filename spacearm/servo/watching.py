@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from spacearm.arrays import NO_NUMBERS, Array
+from spacearm.arrays import NO_NUMBERS, Array, floats, shape_of
 from spacearm.equations.servo import HALTS, Limits, Tick
 from spacearm.errors import ConfigurationError, SpaceArmError, imported, listed
 from spacearm.model.arm import SpaceArm
@@ -131,7 +131,7 @@ def watched(
         left = max(distance - limits.stop, 0.0) / closing if closing > 0.0 else math.inf
         near = distance < limits.slow or left < ahead
         level: Level = "stop" if distance < limits.stop else "warning" if near else "clear"
-        late = last is not None and HALTS[int(tick.halt)] == "dt"
+        late = last is not None and HALTS[int(tick.halt)] == "dt" and since > limits.longest
         pause = since if late else 0.0
         yield Watched(arm, state.t, q, distance, tick.nearest, closing, left, level, "", pause)
         last = JointState(state.t, q)
@@ -219,8 +219,8 @@ def _parsed_state(arm: SpaceArm, message: Any, number: int) -> JointState | None
     if q is None or not set(arm.joint_names) <= set(names):
         raise _no_state(arm, number)
     place = [names.index(name) for name in arm.joint_names]
-    told = [q, dq] if dq is not None and len(dq) == len(names) else [q]
-    return JointState(float(stamp), *(np.asarray(x, dtype=float)[place] for x in told))
+    told = [q, dq] if dq is not None and shape_of(dq) == (len(names),) else [q]
+    return JointState(float(stamp), *(floats(x)[place] for x in told))
 
 
 def recorded(path: Path, topic: str) -> Iterator[Any]:

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from spacearm.arrays import Array, ArrayLike, Booleans, Integers, Progress, whole
+from spacearm.arrays import Array, ArrayLike, Booleans, Integers, Progress, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, StoppedError, StoreError
 from spacearm.files import arrays_in, write
 from spacearm.model.arguments import BaseMode
@@ -189,7 +189,8 @@ class FreeBoxes(Result):
 
         Distances count in units of `joint_scales`.
         """
-        at = self._in_range(q)
+        q = joint_vector(self.arm, q, "q")
+        at, most = self._in_range(q), whole(most, "most", 1)
         gap = np.maximum(np.maximum(self.lower - at, at - self.upper), 0.0)
         far = np.linalg.norm(gap / joint_scales(self.arm), axis=1)
         some = np.argsort(far, kind="stable")[:most]
@@ -369,8 +370,7 @@ def free_boxes(
         (True, 2)
     """
     most = whole(most, "most", 1)
-    if not 0.0 < share <= 1.0:
-        raise ConfigurationError(f"share is {share!r}; give a number above 0, up to 1")
+    share = positive(share, "share", "share of the range", most=1.0)
     minors = minors_for_proofs(arm, mode)
     if so_far is None:
         low, high = range_allowed(arm, np.empty((0, arm.n)), within)

@@ -27,7 +27,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 import scipy
 
-from spacearm.arrays import Array, ArrayLike, Progress, numbers_of, positive, shape_of
+from spacearm.arrays import Array, ArrayLike, Progress, floats, numbers_of, positive, shape_of
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.files import write
 from spacearm.model.arguments import BaseMode
@@ -37,7 +37,7 @@ from spacearm.polynomial.free_regions import Effort, Region, Roots, halved, shru
 from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.tubes import ROUNDING, about_box
 from spacearm.results import Cell, Description, Result, Table, joint_measures
-from spacearm.signatures import checked
+from spacearm.signatures import checked, shown
 from spacearm.singularities.immaterial_masses import payload_note
 from spacearm.singularities.nearest import STRIDE, NearestSearch
 from spacearm.singularities.polynomials import chart_of, minors_for_proofs
@@ -321,10 +321,10 @@ def range_allowed(
     low, high = arm.lower, arm.upper
     if within is not None:
         whole = shape_of(within) == (2, arm.n)  # infinite ends are allowed
-        given = np.asarray(within if whole else np.nan, dtype=np.float64)
+        given = floats(within if whole else np.nan)
         if np.isnan(given).any():
             raise ConfigurationError(
-                f"within is {within!r}; give (lower, upper), {arm.n} numbers each"
+                f"within is {shown(within)}; give (lower, upper), {arm.n} numbers each"
             )
         low, high = given
     outside = np.maximum(low - rows, rows - high) > ROUNDED * (1.0 + np.abs(rows))

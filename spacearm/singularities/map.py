@@ -14,12 +14,14 @@ from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
 from spacearm.results import Cell, Description, Measure, Result, Table
-from spacearm.signatures import checked
+from spacearm.signatures import checked, shown
 from spacearm.singularities.polynomials import chart_of
 from spacearm.singularities.sets import singular_set
 
 #: Postures, and points on a line through each, by which the joints of a map are chosen.
 LINES, ON_LINE = 16, 32
+#: Largest number of points along each joint of a map.
+MOST_POINTS = 2001
 
 
 class SingularMap(Result):
@@ -111,9 +113,11 @@ def singular_map(
     found = singular_set(arm)
     centre = joint_vector(arm, np.zeros(arm.n) if q is None else q, "q")
     if joints is not None and len(joints) != 2:
-        raise ConfigurationError(f"joints is {joints!r}; name two")
-    chosen = joints or [arm.joint_names[j] for j in telling_joints(arm)]
-    names = [joint_name(arm, name) for name in chosen]
+        raise ConfigurationError(f"joints is {shown(joints)}; name two")
+    if joints is None:
+        names = [arm.joint_names[j] for j in telling_joints(arm)]
+    else:
+        names = [joint_name(arm, name) for name in joints]
     a, b = (arm.joint_names.index(name) for name in names)
     if a == b:
         raise ConfigurationError(f"joint {names[0]!r} is named twice; name two joints")
@@ -121,7 +125,7 @@ def singular_map(
         if arm.slides[j]:
             name = arm.joint_names[j]
             raise ConfigurationError(f"joint {name!r} is prismatic; a map is over revolute joints")
-    points = whole(points, "points", 2)
+    points = whole(points, "points", 2, MOST_POINTS)
     angles = np.linspace(-np.pi, np.pi, points)
     Q = np.tile(centre, (points * points, 1))
     Q[:, a], Q[:, b] = angles.repeat(points), np.tile(angles, points)

@@ -15,13 +15,23 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy
 
-from spacearm.arrays import Array, ArrayLike, Progress, generator, whole
+from spacearm.arrays import (
+    LARGEST,
+    NO_NUMBERS,
+    Array,
+    ArrayLike,
+    Progress,
+    floats,
+    generator,
+    whole,
+    within,
+)
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import SpaceArm
 from spacearm.results import Column, Description, Measure, Result, Table
-from spacearm.signatures import checked
+from spacearm.signatures import checked, shown
 
 #: Default distance to the singular set up to which a configuration is near a singularity [rad].
 NEAR = float(np.radians(5.0))
@@ -168,11 +178,11 @@ def risk_profile(
 def _edges(bins: object) -> Array:
     """Check the edges of the distance classes."""
     try:
-        edges = np.asarray(bins, dtype=np.float64)
-    except (TypeError, ValueError):
+        edges = floats(bins)
+    except NO_NUMBERS:
         edges = np.empty(0)
     if edges.ndim != 1 or len(edges) < 2 or not (np.diff(edges) > 0.0).all():
-        raise ConfigurationError(f"bins is {bins!r}; give their number, or increasing edges")
+        raise ConfigurationError(f"bins is {shown(bins)}; give their number, or increasing edges")
     return edges
 
 
@@ -288,8 +298,9 @@ def _near(arm: SpaceArm, sigma_min: float | None, distance: float | None) -> tup
             "near means"
         )
     if sigma_min is not None:
-        return "sigma_min", sigma_min, arm.sigma_unit
-    return "distance", NEAR if distance is None else distance, "rad"
+        return "sigma_min", within(sigma_min, "sigma_min", 0.0), arm.sigma_unit
+    near = NEAR if distance is None else distance
+    return "distance", within(near, "distance", 0.0, LARGEST, "an angle [rad]"), "rad"
 
 
 def check_slides(arm: SpaceArm) -> None:

@@ -24,7 +24,7 @@ from spacearm.model.joints import joint_name
 from spacearm.motion.simulation import COARSE, FAILURES, simulate_many
 from spacearm.singularities.risk import check_slides, risk_profile
 from spacearm.sweeps import motion_tables as tables
-from spacearm.sweeps.toml import Table
+from spacearm.sweeps.toml import MOST, Table
 from spacearm.workspaces.design import shell_measures
 from spacearm.workspaces.path_dependent import EFFORT
 from spacearm.workspaces.shells import check_shells
@@ -192,7 +192,7 @@ class Risk(Quantity):
         if {"distance", "sigma_min"} <= table.values.keys():
             raise table.fail("sigma_min", "give it or the distance [rad], not both")
         self.bound = table.positive(self.measure, float)
-        self.edges, self.samples = table.axis("bins"), table.positive("samples", int)
+        self.edges, self.samples = table.axis("bins"), table.positive("samples", int, most=MOST)
         if len(self.edges) < 2 or self.edges[0] < 0.0 or (np.diff(self.edges) <= 0.0).any():
             raise table.fail("bins", "give two or more increasing edges of distance classes [m]")
         self.limits = table.take("limits", bool, False)
@@ -329,7 +329,7 @@ class Simulations(Quantity):
                 self.sampling.noise(arm.n)  # raises for one that makes no sense
             arm.require_one_tip()
             tables.read_law(self.controller, arm)
-        self.shape = (table.positive("runs", int, 1),)
+        self.shape = (table.positive("runs", int, 1, MOST),)
         self.tile = (min(RUNS, self.chunk, *self.shape),)
 
     def compute(self, arm: SpaceArm, box: Box, seed: Sequence[int]) -> Mapping[str, Any]:

@@ -15,16 +15,16 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import closing, suppress
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from spacearm.arrays import whole
+from spacearm.arrays import MOST_THREADS, whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import SpaceArmError, StoreError, SweepError, imported
-from spacearm.processes import Process, WorkerLostError
+from spacearm.processes import Process, Threads, WorkerLostError
 from spacearm.signatures import checked
 from spacearm.sweeps.store import DONE, FAILED, Store, dataset
 from spacearm.sweeps.study import Chunk, Recipe, Study, remade
@@ -86,7 +86,7 @@ class Processes:
     def __init__(self, workers: int, recipe: Recipe, path: str) -> None:
         self.width = 2 * workers
         self._do = partial(do, recipe, path)
-        self._threads = ThreadPoolExecutor(workers)  # each speaks with a process of its own
+        self._threads = Threads(workers)  # each speaks with a process of its own
         self._mine = threading.local()
         self._lock = threading.Lock()
         self._all: set[Process] = set()
@@ -381,7 +381,7 @@ def _workers(
     path = str(store.path.resolve())
     if client is not None:
         return Cluster(client, study.recipe, path)
-    workers = processors() if workers is None else whole(workers, "workers", 1)
+    workers = processors() if workers is None else whole(workers, "workers", 1, MOST_THREADS)
     return Processes(workers, study.recipe, path)
 
 

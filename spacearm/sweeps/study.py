@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from spacearm.arrays import Array, plain
+from spacearm.arrays import Array, plain, whole
 from spacearm.description.model_catalogue import catalogue
 from spacearm.description.readers.source import Check
 from spacearm.description.tips import Counting
@@ -156,9 +156,8 @@ class Study:
         """
         table = parse(text)
         table.knows("arms", "seed", "chunk", "parameters", *quantities.QUANTITIES)
-        seed, chunk = table.take("seed", int, 0), table.positive("chunk", int, CHUNK)
-        if seed < 0:
-            raise table.fail("seed", "give a whole number from 0 on")
+        seed = whole(table.take("seed", int, 0), "seed", 0, math.inf)
+        chunk = table.positive("chunk", int, CHUNK)
         folder = Path(folder).resolve()
         arms = read_arms(table, folder)
         parameters = table.inner("parameters")

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from spacearm.arrays import LARGEST, Array
+from spacearm.arrays import LARGEST, MOST_COUNT, Array, number_of, positive, whole
 from spacearm.errors import (
     LONGEST_NAME,
     ConfigurationError,
@@ -34,10 +34,8 @@ MOST_NESTED = 100
 #: Largest size of a file [bytes]: its tables may take hundreds of times as much memory.
 MOST_BYTES = 1_000_000
 AXIS = ("from", "to", "points")
-#: Largest whole number: of samples, for example.
+#: Largest number of samples or runs of a study, which are stored chunk by chunk.
 MOST = 10**15
-#: Values that one axis may have: its labels are kept in memory.
-MOST_POINTS = 10**7
 
 
 class Table:
@@ -66,7 +64,7 @@ class Table:
         """Return the value of a key, of this type."""
         value = self.values.get(key, default)
         if kind is float and type(value) is int:
-            value = float(value)
+            value = number_of(value)
         if type(value) is not kind or (isinstance(value, float) and not math.isfinite(value)):
             name = {str: "text", bool: "true or false", int: "a whole number", float: "a number"}
             raise self.fail(key, f"give {name.get(kind, kind.__name__)}")
@@ -99,17 +97,19 @@ class Table:
         listed = value if isinstance(value, list) else [value]
         if not listed or any(type(number) not in (int, float) for number in listed):
             raise self.fail(key, "give a number, or a list of numbers")
-        numbers = np.array(listed, dtype=np.float64)
+        numbers = np.array([number_of(number) for number in listed])
         if not (np.abs(numbers) <= LARGEST).all():
             raise self.fail(key, f"give numbers up to {LARGEST:g}")
         return numbers
 
-    def positive(self, key: str, kind: type[T], default: T | None = None) -> T:
-        """Return the value of a key, a number above zero."""
+    def positive(
+        self, key: str, kind: type[T], default: T | None = None, most: int = MOST_COUNT
+    ) -> T:
+        """Return the value of a key, a number above zero; `most` is for whole numbers."""
         value: Any = self.take(key, kind, default)
-        if not 0 < value <= MOST:
-            raise self.fail(key, f"give a number above zero, at most {MOST:g}")
-        return value
+        name = f"{self.where}: {key}"
+        checked: Any = whole(value, name, 1, most) if kind is int else positive(value, name)
+        return checked
 
     def axis(self, key: str) -> Array:
         """Return (m,) different finite numbers, given as a list or as {from, to, points}."""
@@ -118,14 +118,12 @@ class Table:
             ends = self.inner(key)
             ends.knows(*AXIS)
             points = ends.positive("points", int)
-            if points > MOST_POINTS:
-                raise ends.fail("points", f"give at most {MOST_POINTS:,}")
             values = np.linspace(ends.take("from", float), ends.take("to", float), points)
         else:
             listed = value if isinstance(value, list) else [value]
             if not all(type(number) in (int, float) for number in listed):
                 raise self.fail(key, "give a list of numbers, or {from = 0, to = 1, points = 5}")
-            values = np.array(listed, dtype=np.float64)
+            values = np.array([number_of(number) for number in listed])
         sound = values.size and (np.abs(values) <= LARGEST).all()
         if not sound or len(np.unique(values)) < len(values):
             raise self.fail(key, f"give one or more different numbers up to {LARGEST:g}")

@@ -34,7 +34,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.motion.flights import Flight
 from spacearm.motion.motion import Motion, Trajectory
 from spacearm.results import Column, Description, Measure, Result, Table
-from spacearm.signatures import checked
+from spacearm.signatures import checked, shown
 from spacearm.uncertainty.intervals import UncertainArm, uncertain
 
 #: The ten parameters, in Pinocchio's order: mass, mass times CM, inertia about the tip's origin.
@@ -245,7 +245,7 @@ def identify(
     twists = _twists(motion) if twist is None else finite(twist, (m, 6), "twist", "[m/s], [rad/s]")
     deviations = np.ones(3) if noise is None else finite(noise, (3,), "noise", "(deviations)")
     if deviations.min() <= 0.0:
-        raise ConfigurationError(f"noise is {noise!r}; give three deviations above 0")
+        raise ConfigurationError(f"noise is {shown(noise)}; give three deviations above 0")
     data = _Data.of(arm, motion, rates, twists, np.repeat(deviations, (3, 3, n)))
     return _estimated(arm, data, noise is None)
 
@@ -309,7 +309,13 @@ class _Data(NamedTuple):
         """Return (m, 6, 6) inverse Cholesky factors of the noise of the momentum."""
         A = self.G + self.K @ spatial(parameters) @ self.V
         noisy = A * self.noise
-        return np.linalg.inv(np.linalg.cholesky(noisy @ noisy.transpose(0, 2, 1)))
+        try:
+            return np.linalg.inv(np.linalg.cholesky(noisy @ noisy.transpose(0, 2, 1)))
+        except np.linalg.LinAlgError:
+            raise ConfigurationError(
+                f"noise is {self.noise[[0, 3, 6]]}, so that the noise of the momentum has a "
+                "singular covariance in double precision; give deviations of similar sizes"
+            ) from None
 
 
 def _estimated(arm: SpaceArm, data: _Data, scaled: bool) -> Identified:

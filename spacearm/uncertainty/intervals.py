@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
-from numbers import Real
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, ArrayLike, finite, generator, whole
+from spacearm.arrays import Array, ArrayLike, finite, generator, number_of, shape_of, whole
 from spacearm.description.bodies import Inertial
 from spacearm.errors import ConfigurationError, require_known
 from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import SpaceArm
 from spacearm.results import Described, Description, Table
-from spacearm.signatures import checked
+from spacearm.signatures import checked, shown
 from spacearm.singularities.immaterial_masses import immaterial_links
 
 KINDS = ("mass", "inertia", "com")
@@ -237,14 +236,15 @@ def _distributed(law: Any, kind: str, link: str) -> Parameter:
 
 def _interval(value: object, about: float, kind: str, link: str) -> tuple[float, float]:
     """Return the bounds of a mass [kg] or of a factor of the inertia."""
-    if isinstance(value, Real) and not isinstance(value, bool) and 0.0 < float(value) < 1.0:
-        return about * (1.0 - float(value)), about * (1.0 + float(value))
-    if isinstance(value, Sequence) and len(value) == 2 and not isinstance(value, str):
+    share = number_of(value)
+    if 0.0 < share < 1.0:
+        return about * (1.0 - share), about * (1.0 + share)
+    if shape_of(value) == (2,):
         low, high = finite(value, (2,), f"{kind} of {link}")
         if 0.0 < low < high:
             return float(low), float(high)
     raise ConfigurationError(
-        f"{kind} of {link} is {value!r}; give a share between 0 and 1, or a pair of positive, "
+        f"{kind} of {link} is {shown(value)}; give a share between 0 and 1, or a pair of positive, "
         "increasing bounds"
     )
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import html
 import io
-import json
 import os
 import re
 import secrets
@@ -27,7 +26,7 @@ from spacearm.compiler.machine import processors
 from spacearm.errors import SpaceArmError, imported
 from spacearm.model.arm import Configuration
 from spacearm.viewer.shapes import Y_TO_Z, DrawnShape, link_poses
-from spacearm.viewer.window import PAGE
+from spacearm.viewer.window import PAGE, json_in_html
 
 if TYPE_CHECKING:
     import trimesh
@@ -267,7 +266,7 @@ def embedded(scene: str, picture: bytes, name: str, invitation: str | None) -> s
         "NAME": f"spacearm-{secrets.token_hex(8)}",
         "ARM": html.escape(name),
         "PICTURE": base64.b64encode(picture).decode(),
-        "INVITATION": json.dumps(invitation),
+        "INVITATION": json_in_html(invitation),
         "SCENE": html.escape(scene),
     }
     return re.sub(rf"\$({'|'.join(parts)})", lambda mark: parts[mark[1]], text)

@@ -23,6 +23,7 @@ import tornado.httpserver
 import tornado.iostream
 import tornado.web
 import tornado.websocket
+from numpy.linalg import LinAlgError
 
 from spacearm.errors import SpaceArmError
 from spacearm.viewer.window import LIBRARIES, PAGE, Key, Outbox, Window
@@ -185,6 +186,8 @@ class Server:
                 browser.tell(answer)
         except SpaceArmError as error:
             browser.tell({"error": str(error)})
+        except LinAlgError as error:
+            browser.tell({"error": f"the posture is singular ({error}); move another joint first"})
         except (ValueError, RecursionError) as error:  # json's, numbers of thousands of digits too
             browser.tell({"error": f"not understood: {error}"})
         self._mark_stale()

@@ -393,7 +393,8 @@ def pulled(session: Session, goal: pin.SE3) -> tuple[Configuration, str]:
         if size <= 0.1 * CLOSE * largest:
             break
         J = np.where(stopped, 0.0, J)
-        normal = J.T @ J + damping * largest**2 * np.eye(cfg.arm.n)
+        weight = damping * (largest**2 or 1.0)  # J is zero where the tip has no motion at all
+        normal = J.T @ J + weight * np.eye(cfg.arm.n)
         step = np.linalg.solve(normal, J.T @ error)
         step *= min(1.0, STRIDE / max(float(np.abs(step).max()), 1e-12))
         found = tried(step)
@@ -436,7 +437,8 @@ def _reason(session: Session, cfg: Configuration, error: Array, largest: float) 
         place = "the end of its range" if len(ends) == 1 else "the ends of their ranges"
         where = f"{'is' if len(ends) == 1 else 'are'} at {place}"
         return f"The tip cannot follow: {listed(ends)} {where}"
-    return "The tip cannot follow: in this direction it has no motion left"
+    singular = "the posture is singular: " if len(error) <= arm.n else ""
+    return f"The tip cannot follow: {singular}in this direction it has no motion left"
 
 
 # --- the first posture --------------------------------------------------------------------------

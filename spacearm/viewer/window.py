@@ -153,7 +153,7 @@ class Window:
             shown: What its script shows: `about` and `readout` of a panel.
         """
         commands = [base64.b64encode(data).decode() for data in self.commands()]
-        data = f"const DATA = {_script_json(shown)};\nconst COMMANDS = {_script_json(commands)};\n"
+        data = f"const DATA = {json_in_html(shown)};\nconst COMMANDS = {json_in_html(commands)};\n"
         libraries = "\n".join(_text(LIBRARIES[name]) for name in ("meshcat.js", "uplot.js"))
         parts = {
             '<link rel="stylesheet" href="uplot.css">': f"<style>{_text(LIBRARIES['uplot.css'])}",
@@ -184,6 +184,10 @@ def _module(name: str) -> str:
     return re.sub(r"(?m)^import [^;]*;\n|^export ", "", _text(PAGE / name))
 
 
-def _script_json(value: Any) -> str:
-    """Write JSON that may stand inside a <script> element."""
-    return json.dumps(value).replace("</", "<\\/")
+#: What HTML or JavaScript may take for a mark or the end of a line, as JSON writes it.
+MARKS = {ord(mark): f"\\u{ord(mark):04x}" for mark in "<>&\u2028\u2029"}
+
+
+def json_in_html(value: Any) -> str:
+    """Write a value as JSON that may stand anywhere in a page: in a script or an attribute."""
+    return json.dumps(value).translate(MARKS)

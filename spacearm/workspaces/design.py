@@ -6,6 +6,7 @@ workspace, and an arm mounted at the spacecraft's CM has none.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,11 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import NO_NUMBERS, ArrayLike, Progress, counted, named, whole
+from spacearm.arrays import NO_NUMBERS, ArrayLike, Progress, counted, finite, floats, named, whole
 from spacearm.errors import ConfigurationError, UnsupportedError, require_known, unknown
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.signatures import checked
+from spacearm.signatures import checked, shown
 from spacearm.singularities.risk import risk_profile
 from spacearm.workspaces.path_dependent import Workspace, workspace
 
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Mounted", "optimise_mount", "shell_measures", "vary", "workspaces"]
 
+#: Most designs of a grid in memory, times the classes of their risk profiles.
+MOST = 1_000_000
 MOUNTS = ("mount_x", "mount_y", "mount_z")
 #: Design parameters and their units.
 PARAMETERS = {
@@ -193,13 +196,13 @@ def workspaces(
     import xarray as xr
 
     try:
-        axes = {name: np.atleast_1d(np.asarray(v, float)) for name, v in parameters.items()}
+        axes = {name: np.atleast_1d(floats(v)) for name, v in parameters.items()}
     except NO_NUMBERS:
         axes = {}
     whole(risk_bins, "risk_bins", 0)
     if not axes or any(values.size == 0 or values.ndim != 1 for values in axes.values()):
         raise ConfigurationError(
-            f"parameters are {dict(parameters)!r}; give numbers for one or more"
+            f"parameters are {shown(dict(parameters))}; give numbers for one or more"
         )
     if risk_bins and mode != "free-floating":
         raise UnsupportedError(
@@ -207,6 +210,7 @@ def workspaces(
             f"not {mode!r}"
         )
     shape = tuple(len(values) for values in axes.values())
+    whole(math.prod(shape) * max(risk_bins, 1), "number of designs, times risk_bins", 1, MOST)
     numbers = {name: np.full(shape, np.nan) for name in ("piw", "reachable", "fraction")}
     done = np.zeros(shape, dtype=bool)
     risk, near = np.full((*shape, risk_bins), np.nan), np.full((*shape, 2), np.nan)
@@ -288,7 +292,8 @@ def optimise_mount(
 
     for name, (low, high) in bounds.items():
         require_known("mounting coordinate", name, MOUNTS)
-        if not (np.isfinite(high - low) and low < high):
+        ends = finite((low, high), (2,), f"bounds of {name}", "[m]")
+        if not ends[0] < ends[1]:
             raise ConfigurationError(f"bounds of {name} are {low}, {high}; give low < high [m]")
     if not bounds:
         raise ConfigurationError(f"no bounds; give them for one or more of: {', '.join(MOUNTS)}")
@@ -303,6 +308,7 @@ def optimise_mount(
                 progress(len(tried), max(2 * most, len(tried)))
         return -tried[key].volumes["piw"]
 
+    most = whole(most, "most", 1)
     box = list(bounds.values())
     start = direct(loss, Bounds(*np.array(box).T), maxfun=most, locally_biased=True).x
     minimize(loss, start, method="Nelder-Mead", bounds=box, options={"xatol": 1e-6, "maxfev": most})

@@ -127,6 +127,24 @@ def test_options_are_compiled_in(tmp_path):
     compared(Code(servo, tmp_path), 50, 100, tick=0.1)  # in which the search has many parts
 
 
+@compiled_code
+@pytest.mark.slow
+def test_steps_of_no_length_and_numbers_that_are_not_finite_halt_it(tmp_path):
+    servo = sa.Servo(sa.load("planar2"), rates=0.8, accelerations=2.0)
+    code = Code(servo, tmp_path)
+    servo.start(([0.3, 1.2], [0, 0, 0, 1]))
+    memory = packed(servo.memory)
+    for dt, broken, halt in ((1e-308, False, "dt"), (DT, True, "numbers"), (DT, False, "")):
+        seen = packed(Seen([0.3, 1.2], [0, 0, 0, 1], [0.1, 0, 0, 0, 0, 0], dt, np.zeros(6)))
+        given = np.concatenate((seen, memory))
+        if broken:
+            given[len(seen) + 2 : len(seen) + 4] = np.nan  # the rates that were wished
+        found = code(given[None])[0]
+        assert ticks.HALTS[int(found[code.tick - 1])] == halt
+        assert np.isfinite(found[:2]).all()
+        assert np.isfinite(found[code.tick :]).all()
+
+
 def test_a_servo_of_another_arm_is_refused(tmp_path):
     servo = sa.Servo(sa.load("planar3"))
     with pytest.raises(sa.ConfigurationError, match="planar3"):

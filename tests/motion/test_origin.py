@@ -96,6 +96,16 @@ def test_what_makes_no_sense_is_refused(arm):
     assert elsewhere.origin == "as base was given"
 
 
+def test_a_start_whose_cm_is_at_the_origin_already_is_taken_as_it_is(arm):
+    turned = pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.7])), np.zeros(3))
+    start = arm.at(START, base=turned).centred([0.0, 0.0, 0.0])
+    assert start.base.translation.any()
+    there = sa.follow(start, [POINT], origin="cm")
+    only_turned = sa.follow(arm.at(START, base=turned), [POINT], origin="cm")
+    np.testing.assert_allclose(there.q, only_turned.q, rtol=0, atol=1e-12)
+    assert there.origin == "system CM at the start"
+
+
 @pytest.mark.slow
 def test_the_command_line_has_the_same_word(tmp_path):
     words = ("plan", "planar2", *START, "--goal", *POINT)

@@ -470,7 +470,7 @@ def test_two_tips_have_a_law_each():
         ({"plant": lambda _: sa.Plant(passive={"joint_9": sa.PassiveJoint()})}, "joint_9"),
         (
             {"plant": lambda _: sa.Plant(passive={"joint_1": sa.PassiveJoint(damping=-1.0)})},
-            "damping from 0 on",
+            "damping is -1.0; give a number from 0",
         ),
         ({"plant": lambda _: sa.Plant(limits=["effort"])}, "give True or False"),
     ],

@@ -497,7 +497,8 @@ NAN = np.full(2, np.nan)
         ((None, LEVEL), 0.1, -1.0, "dt"),
         ((None, LEVEL), 0.1, np.nan, "dt"),
         ((None, LEVEL), 0.1, 1e9, "dt"),
-        ((None, LEVEL), 0.1, 0.101, "up to 0.1 s"),
+        ((None, LEVEL), 0.1, 0.101, "to 0.1 s"),
+        ((None, LEVEL), 0.1, 1e-308, "from 1e-09 s"),
         (([3.0, -2.0], LEVEL), 0.1, DT, "faster than twice"),
     ],
 )
@@ -520,6 +521,37 @@ def test_whatever_comes_in_brings_the_arm_to_rest_within_its_limits(posture, twi
     else:
         assert not last.any()
     assert reason in step.verdict
+
+
+@pytest.mark.parametrize("field", ticks.Memory._fields)
+def test_a_number_that_is_not_finite_is_not_remembered(field):
+    """Whatever made it, the servo halts, says so and goes on when it has searched anew."""
+    arm = sa.load("planar2")
+    servo = sa.Servo(arm, rates=1.0, accelerations=2.0)
+    q = np.array([0.3, 1.2])
+    servo.start((q, LEVEL))
+    twist = np.array([0.1, 0.0])
+    servo.step((q, LEVEL), twist, DT)
+    servo.memory = servo.memory._replace(**{field: np.nan * getattr(servo.memory, field)})
+    steps = [servo.step((q, LEVEL), twist, DT) for _ in range(ticks.SEARCH + 5)]
+    assert steps[0].halted
+    assert all(np.isfinite(packed(servo.memory)))
+    assert all(np.isfinite(step.rates).all() for step in steps)
+    assert steps[-1].halted == ""
+    assert steps[-1].rates.any()
+
+
+def test_a_step_too_short_to_divide_by_halts_and_leaves_no_trace():
+    arm = sa.load("planar2")
+    servo, q, twist = sa.Servo(arm, rates=1.0), np.array([0.3, 1.2]), np.array([0.1, 0.0])
+    servo.start((q, LEVEL))
+    before = servo.step((q, LEVEL), twist, DT)
+    for dt in (1e-308, 5e-324, 1e-10):
+        assert "dt" in servo.step((q, LEVEL), twist, dt).halted
+    after = servo.step((q, LEVEL), twist, DT)
+    assert after.halted == ""
+    np.testing.assert_allclose(after.rates, before.rates, rtol=1e-3, atol=1e-6)
+    assert np.isfinite(servo.step((q, LEVEL), twist, ticks.SHORTEST).rates).all()
 
 
 def test_one_faulty_message_and_uneven_ticks_are_no_jumps():

@@ -403,7 +403,12 @@ def test_plan_status_and_dry_run(study, study_file, whole, tmp_path):
         ('name = "chaser"', 'name = "planar2"', sa.ConfigurationError, "two are named"),
         ("seed = 3", "seed = -1", sa.ConfigurationError, "from 0 on"),
         ("seed = 3", "seed = 3.5", sa.ConfigurationError, "whole number"),
-        ("chunk = 4096", "chunk = 0", sa.ConfigurationError, "above zero"),
+        (
+            "chunk = 4096",
+            "chunk = 0",
+            sa.ConfigurationError,
+            "chunk is 0; give",
+        ),
         ("chunk = 4096", "chunks = 4096", sa.ConfigurationError, "valid, nearest first: chunk"),
         ("base_inertia", "base_weight", sa.ConfigurationError, "base_mass"),
         ("[1, 3]", "[1, -3]", sa.ModelError, "positive"),

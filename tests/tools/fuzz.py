@@ -32,6 +32,7 @@ from fence import Fence
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # helpers
 from hostile import motions, urdf
+from hostile_calls import calls
 from hostile_commands import commands, spoken
 from hostile_files import meshes, stores, studies, trajectories
 from hostile_page import messages
@@ -64,6 +65,7 @@ class Log(logging.Handler):
 TARGETS = {
     "urdf": urdf,
     "motions": motions,
+    "calls": calls,
     "commands": commands,
     "studies": studies,
     "stores": stores,

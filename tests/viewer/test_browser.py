@@ -15,6 +15,7 @@ from helpers.arms import frame, joint, link, robot, two_links
 from helpers.pages import Page
 
 import spacearm as sa
+from spacearm.description.model_catalogue import models_folder
 
 MISSING_MESH = '<visual><geometry><mesh filename="no.stl"/></geometry></visual>'
 
@@ -132,6 +133,21 @@ def test_a_saved_page_opens_offline_and_shows_the_arm(browser, viewer, tmp_path)
     assert not saved.visible("bodies")
     assert saved.errors == []
     assert [url for url in saved.requests if not url.startswith(("file:", "data:"))] == []
+    saved.close()
+
+
+@pytest.mark.slow
+def test_a_saved_page_of_a_robot_with_a_hostile_name_works(browser, tmp_path):
+    text = (models_folder() / "planar2.urdf").read_text(encoding="utf-8")
+    path = tmp_path / "robot.urdf"
+    path.write_text(text.replace('name="planar2"', 'name="&lt;!--&lt;script&gt;"', 1))
+    arm = sa.load(path, tip="tip", task="x y")
+    assert arm.name == "<!--<script>"
+    viewer = sa.view(arm.at([0.3, 1.2]), open=False)
+    saved = Page(browser, viewer.save(tmp_path / "page.html").as_uri(), offline=True)
+    saved.until(lambda: saved.colours() > 12)
+    assert saved.errors == []
+    assert arm.name in saved.text("body")
     saved.close()
 
 

@@ -314,3 +314,14 @@ def test_the_robot_is_in_view_after_the_tip_was_let_go(browser):
     assert page.errors == []
     page.close()
     viewer.close()
+
+
+def test_a_tip_without_any_motion_along_its_task_is_said_to_be_singular():
+    """The Jacobian is zero there: no step leads anywhere, and none divides by it."""
+    parts = (link("bus", 50.0), link("upper"), link("tip", 0.1))
+    parts += (joint("1", "bus", "upper"), joint("2", "upper", "tip", "fixed", (1, 0, 0)))
+    arm = load_text(robot(*parts), tip="tip", task="x")
+    session = Session(arm, arm.at([0.0]))
+    session.handle({"do": "mode", "mode": "posture"})
+    assert np.abs(session.jacobian(session.cfg)).max() == 0.0
+    assert "the posture is singular" in pulled(session, (0.3, 0.0, 0.0)).blocked

@@ -1,5 +1,6 @@
 """Any result with a posture can be shown; what has none is refused with a list of what can."""
 
+import json
 import warnings
 from types import SimpleNamespace
 
@@ -14,6 +15,7 @@ from helpers.closed import roomy
 
 import spacearm as sa
 from spacearm.description.bodies import Inertial
+from spacearm.viewer.window import json_in_html
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
@@ -321,3 +323,20 @@ def test_a_catch_plays_with_its_target_in_the_hand_from_contact_on():
         wanted = catch.target.at(t).pose if t < catch.t else motion.cfg.tip * held
         np.testing.assert_allclose(pose, wanted.homogeneous, rtol=0, atol=1e-9)
     assert motion.cfg.arm.mass == pytest.approx(catch.arm.mass + catch.target.mass)
+
+
+HOSTILE = "<!--<script>&\u2028\u2029'\"</script>"
+
+
+def test_no_name_ends_or_begins_a_script_of_a_page():
+    """`<!--<script>` in a script makes a browser take all that follows for one."""
+    assert json.loads(json_in_html({"name": HOSTILE})) == {"name": HOSTILE}
+    assert not set("<>&\u2028\u2029") & set(json_in_html([HOSTILE]))
+
+
+def test_a_saved_page_holds_no_name_as_it_is(tmp_path):
+    text = robot(*two_links()).replace('name="r"', 'name="&lt;!--&lt;script&gt;"')
+    arm = load_text(text, tip="arm", task="x y")
+    page = sa.view(arm.at([0.3]), open=False).save(tmp_path / "page.html").read_text("utf-8")
+    assert "!--" in arm.name
+    assert "<!--<script>" not in page
