@@ -206,6 +206,11 @@ def extreme(of: Any, values: Any) -> Any:
     return found
 
 
+def either(xp: Any, mask: Any, one: Any, other: Any) -> Any:
+    """Return one tuple where the mask holds, else the other."""
+    return type(one)(*(xp.where(mask, a, b) for a, b in zip(one, other, strict=True)))
+
+
 def secant(xp: Any, found: tuple[Any, Any], missed: tuple[Any, Any]) -> Any:
     """Return the guess (n,) on the line through the last two found that misses least, as if linear.
 

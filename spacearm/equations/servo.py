@@ -61,6 +61,7 @@ from spacearm.equations.rate_limits import (
     accelerated,
     at_most,
     braked,
+    either,
     extreme,
     held_off,
     levelling,
@@ -109,6 +110,8 @@ BEYOND, WITHIN = 1.2, 1.5
 AROUND, SPREAD, ASIDE = 2, 0.5, 1.5
 #: Stands for a posture that holds nothing [rad].
 FREE = 1e6
+#: Shortest time of a tick [s].
+SHORTEST = 1e-9
 #: How far the square of a quaternion may be from 1.
 UNIT_LENGTH = 1e-3
 #: By which share a time may be longer than the longest, by rounding.
@@ -120,8 +123,6 @@ CAUSES = ("lost direction", "approach", "rate", "wheels", "position", "stopping 
           "acceleration")  # fmt: skip
 #: What halts it, by `Tick.halt`.
 HALTS = ("", "q", "quaternion", "twist", "dt", "momentum", "jump", "search", "numbers")
-#: Shortest time of a tick [s]: numbers are divided by it.
-SHORTEST = 1e-9
 
 
 class Seen(NamedTuple):
@@ -444,23 +445,25 @@ def step(
         told, halt,
     )  # fmt: skip
     mine = {"rates": tick_.rates, "wished": radians * y, "turn": radians * turn, "held": held}
-    return _secured(xp, tick_, after._replace(**mine, q=q, dt=tick), last, limits)
+    return _secured(xp, tick_, memory, after._replace(**mine, q=q, dt=tick), last, limits)
 
 
-def _secured(xp: Any, tick: Tick, memory: Memory, last: Any, limits: Limits) -> tuple[Tick, Memory]:
-    """Return tick and memory as they are if all numbers of the memory are finite.
+def _secured(
+    xp: Any, tick: Tick, before: Memory, memory: Memory, last: Any, limits: Limits
+) -> tuple[Tick, Memory]:
+    """Return tick and memory as they are if all that is and was remembered is finite.
 
     If not, the arm halts and knows nothing: it brakes from its last rates (n,), in radians, if
     they are finite, else it rests.
     """
-    sound = xp.absolute(packed(memory, xp)).sum() < np.inf
-    brake = limits.radians * braked(xp, last, xp.where(sound, memory.dt, 0.0), limits)
+    sound = xp.absolute(packed((*before, *memory), xp)).sum() < np.inf
+    dt = xp.where(memory.dt < np.inf, memory.dt, 0.0)
+    brake = limits.radians * braked(xp, last, dt, limits)
     brake = xp.where(xp.absolute(brake).sum() < np.inf, brake, 0.0)
     q = xp.where(xp.absolute(memory.q).sum() < np.inf, memory.q, 0.0)
-    nothing = unknowing(len(q), q)._replace(rates=brake)
-    zero = 0.0 * tick.nearest
-    halted = Tick(brake, np.inf, q, zero, 0.0 * tick.lost, 0.0, 0.0, 0.0 * tick.shares, 8.0)
-    return _either(xp, sound, tick, halted), _either(xp, sound, memory, nothing)
+    none = np.zeros(len(tick.lost)), 0.0, 0.0, np.zeros(len(CAUSES))
+    halted, nothing = Tick(brake, np.inf, q, 0.0 * q, *none, 8.0), unknowing(len(q), q)
+    return either(xp, sound, tick, halted), either(xp, sound, memory, nothing._replace(rates=brake))
 
 
 def _searched(
@@ -579,11 +582,11 @@ def _follow(
         takes = xp.where(rests, sizes[i] + DOUBTED * scout.far < worst, sure)
         for j in range(KEPT):
             mine = xp.logical_and(takes, xp.absolute(place - j) < 0.5)
-            found[j] = _either(xp, mine, scout, found[j])
+            found[j] = either(xp, mine, scout, found[j])
             sizes[j], ages[j] = xp.where(mine, sizes[i], sizes[j]), xp.where(mine, 0.0, ages[j])
         on_the_way = xp.logical_and(ages[i] < PATIENCE, norm(xp, scout.point - x) < lost)
         goes = xp.logical_and(on_the_way, xp.logical_not(rests))
-        found[i] = _either(xp, goes, scout, scout._replace(point=start, slide=0.0 * x, share=SHARE))
+        found[i] = either(xp, goes, scout, scout._replace(point=start, slide=0.0 * x, share=SHARE))
         ages[i] = xp.where(goes, ages[i] + 1.0, 0.0)
     known = []
     for j in range(KEPT):
@@ -593,17 +596,12 @@ def _follow(
         known.append(Known(offset, xp.where(there, sizes[j], np.inf), found[j].normal))
         ages[j] = xp.where(there, 0.0, 1.0 + PATIENCE)
         lost = found[j]._replace(point=x)
-        found[j] = _either(xp, found[j].far < np.inf, found[j], lost)
+        found[j] = either(xp, found[j].far < np.inf, found[j], lost)
     points, ways, shares = (
         xp.stack([getattr(one, name) for one in found]) for name in ("point", "slide", "share")
     )
     after = memory._replace(points=points, ways=ways, shares=shares)
     return known, after._replace(ages=xp.stack(ages), count=count)
-
-
-def _either(xp: Any, mask: Any, one: Any, other: Any) -> Any:
-    """Return one tuple where the mask holds, else the other."""
-    return type(one)(*(xp.where(mask, a, b) for a, b in zip(one, other, strict=True)))
 
 
 def _size(xp: Any, one: Followed, age: Any, still: Any) -> Any:
@@ -657,7 +655,7 @@ def _nearest(xp: Any, known: list[Known]) -> tuple[Any, Any, Any]:
     """Return distance, offset and normal of the nearest posture that is followed."""
     nearest = known[0]
     for one in known[1:]:
-        nearest = _either(xp, one.far < nearest.far, one, nearest)
+        nearest = either(xp, one.far < nearest.far, one, nearest)
     return nearest.far, nearest.offset, nearest.normal
 
 
