@@ -49,7 +49,7 @@ def test_numbers_of_numpy_are_numbers(kind):
 def test_what_may_be_infinite_is_infinite_or_of_a_size_that_can_be():
     assert within(math.inf, "torque", 0.0, math.inf) == math.inf
     for value in (1e13, 1e308, 10**400):
-        with pytest.raises(sa.ConfigurationError, match="torque is .*, or inf"):
+        with pytest.raises(sa.ConfigurationError, match=r"torque is .*, or inf"):
             within(value, "torque", 0.0, math.inf)
 
 
@@ -60,7 +60,7 @@ def test_a_span_has_no_more_steps_than_a_bound(step):
 
 
 def test_the_message_says_which_step_is_possible():
-    with pytest.raises(sa.ConfigurationError, match="at least 0.002, .* at most 1,000 steps"):
+    with pytest.raises(sa.ConfigurationError, match=r"at least 0.002, .* at most 1,000 steps"):
         steps(2.0, 1e-300, "dt", 1000)
     assert steps(2.0, 0.002, "dt", 1000) == 0.002
 
@@ -143,13 +143,13 @@ def test_times_steps_and_spacings_of_no_use_are_refused_everywhere(call, name):
 
 def test_a_clearance_beyond_all_angles_is_refused():
     for number in (1e30, 1e308, math.inf):
-        with pytest.raises(sa.ConfigurationError, match="clearance is .*angle"):
+        with pytest.raises(sa.ConfigurationError, match=r"clearance is .*angle"):
             sa.free_box(CFG, clearance=number)
 
 
 def test_a_grid_of_designs_has_a_bound():
     many = np.linspace(1.0, 2.0, 2000)
-    with pytest.raises(sa.ConfigurationError, match="designs.* 4000000; .* to 1,000,000"):
+    with pytest.raises(sa.ConfigurationError, match=r"designs.* 4000000; .* to 1,000,000"):
         sa.design.workspaces(ARM, {"base_inertia": many, "payload": many})
 
 
