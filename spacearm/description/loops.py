@@ -54,6 +54,8 @@ def closed_chain(tree: Tree, path: object = "") -> ClosedChain | None:
     Raises:
         ModelError: The loops are none that several tips close which hold one thing.
     """
+    if not tree.loops:
+        return None
     first = {name for begin in fingers(tree).values() for name in begin}
     loops = [
         loop

@@ -114,9 +114,19 @@ class Tree:
 
     def way_to(self, link: str) -> float:
         """Sum the distances between the joints up to a link [m], from the first movable one on."""
-        chain = self.chain(link)
-        first = next(i for i, joint in enumerate(chain) if joint.movable)
-        return sum(float(np.linalg.norm(joint.origin.translation)) for joint in chain[first + 1 :])
+        return self._ways[link]
+
+    @cached_property
+    def _ways(self) -> dict[str, float]:
+        """The sum of `way_to` for each link that a joint moves."""
+        ways: dict[str, float] = {}
+        for joint in self.depth_first():
+            if joint.parent in ways:
+                step = float(np.linalg.norm(joint.origin.translation))
+                ways[joint.child] = ways[joint.parent] + step
+            elif joint.movable:
+                ways[joint.child] = 0.0
+        return ways
 
     def leaves(self) -> list[str]:
         """Return the links without children, other than those that only mark a place."""

@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import LIMIT, frame, joint, link, load_text, random_tree, robot, seeds
+from helpers.arms import LIMIT, frame, joint, link, load_text, random_tree, robot, seeds, two_links
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
+from spacearm.description import loops
 from spacearm.description.grippers import is_finger, is_hand, tip_rank, words
 from spacearm.description.tips import choose_tips
 from spacearm.description.tree import Tree
@@ -638,3 +639,19 @@ def test_random_arms_with_grippers_end_in_their_palms(seed, n, gripper):
     assert arm.n == n
     assert arm.whole.body_of[arm.tip] == new["l_4"]
     assert not {j.name for j in arm.whole.movable(arm.tip)} & arm.held.keys()
+
+
+def test_the_way_to_a_link_is_summed_from_the_first_movable_joint_on():
+    parts = (
+        link("bus", 50.0), *(link(name) for name in "abcd"),
+        joint("j0", "bus", "a", "fixed", xyz=(7, 0, 0)), joint("j1", "a", "b", xyz=(5, 0, 0)),
+        joint("j2", "b", "c", "fixed", xyz=(0, 2, 0)), joint("j3", "c", "d", xyz=(0, 0, 1)),
+    )  # fmt: skip
+    tree = load_text(robot(*parts), tip="d").tree
+    assert [tree.way_to(name) for name in "bcd"] == [0.0, 2.0, 3.0]
+
+
+def test_without_loops_no_gripper_is_looked_for_to_find_a_closed_chain(monkeypatch):
+    tree = load_text(robot(*two_links()), tip="arm").tree
+    monkeypatch.setattr(loops, "fingers", None)
+    assert loops.closed_chain(tree) is None
