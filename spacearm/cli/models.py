@@ -80,8 +80,8 @@ def _write_urdf(
         list[str] | None,
         typer.Option(
             metavar="JOINT=VALUE",
-            help="Home position of a joint: where it is locked if it is not active, and where the "
-            "viewer begins; may be repeated.",
+            help="Home position of a joint: where it is locked if it is not active, where the "
+            "viewer begins, and what home means in place of joint values; may be repeated.",
         ),
     ] = None,
     deg: bool = False,

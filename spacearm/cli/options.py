@@ -35,6 +35,8 @@ T = TypeVar("T")
 U = TypeVar("U", float, None)
 Three: TypeAlias = tuple[float, float, float]
 
+#: What stands for the home positions of the joints in place of their values.
+HOME = "home"
 #: Density [kg/m^3] of a bus whose size is not given: that of small spacecraft.
 BUS_DENSITY = 200.0
 
@@ -53,8 +55,8 @@ JointValues = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="Q1 Q2 ...",
-        help="Joint values [rad], with --deg in degrees; of sliding joints [m]. Or a TOML file "
-        "with a table [start], as hold --save writes it.",
+        help="Joint values [rad], with --deg in degrees; of sliding joints [m]. Or home, the home "
+        "positions of the joints. Or a TOML file with a table [start], as hold --save writes it.",
     ),
 ]
 Attitude = Annotated[
@@ -391,7 +393,9 @@ def assignments(option: str, texts: list[str] | None) -> dict[str, float]:
 
 
 def joint_values(arm: sa.SpaceArm, words: Sequence[str | float], deg: bool) -> Array:
-    """Parse joint values, or read those of a saved posture; return them in radians and metres."""
+    """Return joint values that are given, at home or saved, in radians and metres."""
+    if list(words) == [HOME]:
+        return arm.home
     if "q" in (saved := saved_start(words).values):
         return joint_vector(arm, saved["q"], f"q in {words[0]}")
     values = [_number(word) for word in words]

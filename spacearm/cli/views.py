@@ -25,8 +25,9 @@ def view_configuration(
         list[str] | None,
         typer.Argument(
             metavar="[Q1 Q2 ...]",
-            help="Joint values [rad], with --deg in degrees; of sliding joints [m]. Default: a "
-            "regular posture.",
+            help="Joint values [rad], with --deg in degrees; of sliding joints [m]. Or home, the "
+            "home positions of the joints. Default: home if the robot's file states positions "
+            "other than zero, else a regular posture.",
         ),
     ] = None,
     attitude: opt.Attitude = None,

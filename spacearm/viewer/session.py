@@ -451,9 +451,10 @@ BENT = 1.0
 
 
 def opening_posture(arm: SpaceArm) -> Array:
-    """Return joint positions (n,) well away from singularities, the same at every call.
+    """Return the joint positions (n,) with which the viewer begins, the same at every call.
 
-    Zeros, or the limits nearest to them, if that is far enough from the singular set. Else a
+    The home positions, if the robot's file states any that are not zero. Else zeros, or the limits
+    nearest to them, if that is far enough from the singular set. Else a
     posture bent by at most a radian: the first of `TRIES` that is far enough, or the farthest of
     them. Joints at a limit are bent away from it, so that the tip can be pulled all around.
 
@@ -461,6 +462,8 @@ def opening_posture(arm: SpaceArm) -> Array:
         arm: The arm.
     """
     home = np.clip(np.zeros(arm.n), arm.lower, arm.upper)
+    if (arm.home != home).any():
+        return arm.home
     rng = np.random.default_rng(0)
     bends = np.where(arm.slides, 0.2, 1.0) * rng.uniform(-BENT, BENT, (TRIES, arm.n)).round(2)
     best, farthest = home, _distance(arm, home)

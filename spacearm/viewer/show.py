@@ -112,7 +112,7 @@ def _home(arm: SpaceArm) -> Configuration:
 
 
 def _arm(arm: SpaceArm) -> Viewer:
-    """Show an arm, bent if it is singular at zeros."""
+    """Show an arm at home, or bent if no home is stated and it is singular at zeros."""
     from spacearm.closure.holding import closed_by_itself  # slow to import, as the next
     from spacearm.viewer.session import opening_posture
 

@@ -11,6 +11,7 @@ from helpers.arms import frame, joint, link, robot
 from helpers.commands import answer, spacearm
 
 import spacearm as sa
+from spacearm.viewer.session import opening_posture
 
 XACRO = """<robot name="arm" xmlns:xacro="http://ros.org/wiki/xacro">
   <xacro:arg name="mass"/>
@@ -251,3 +252,19 @@ def test_an_arm_with_two_tips_is_described_asked_and_written(tmp_path):
     run = spacearm("mount", path, *both, "-o", tmp_path / "out.urdf")
     assert "tip left, right" in run.stdout, run.stderr
     assert sa.load(tmp_path / "out.urdf").tips == sides
+
+
+def test_there_is_one_home_for_the_command_line_and_the_viewer(tmp_path):
+    """What convert --home writes is what home means, with --deg too, and where the viewer begins."""
+    path = tmp_path / "at_home.urdf"
+    homes = ("--home", "joint_1=20", "--home", "joint_2=-50")
+    assert spacearm("convert", "planar2", *homes, "--deg", "-o", path).returncode == 0
+    home = pytest.approx(np.radians([20.0, -50.0]), abs=1e-12)
+    for words in (["--first-order"], ["--deg", "--first-order"]):
+        assert answer("query", path, "home", *words)["configuration"]["q"] == home
+    assert answer("nearest", path, "home")["q"] == home
+    assert opening_posture(sa.load(path)) == home
+    assert sa.load(path).home == home
+    zeros = answer("query", "planar2", "home", "--first-order")
+    assert zeros["configuration"]["q"] == [0.0, 0.0]
+    assert "1 joint value given" in spacearm("query", path, "1").stderr
