@@ -49,6 +49,13 @@ def find_box(
             "[rad], with --deg in degrees."
         ),
     ] = 0.0,
+    effort: Annotated[
+        float,
+        typer.Option(
+            help="Factor on the number of cells that the proof may take; sides where the proof "
+            "ended may move on with more."
+        ),
+    ] = 1.0,
     no_limits: opt.NoLimits = False,
     mode: opt.Mode = "free-floating",
     save: Annotated[
@@ -71,10 +78,12 @@ def find_box(
     if motion is not None and q:
         raise sa.ConfigurationError("joint values and --motion are both given; give one of them")
     about = opt.configuration(arm, q, None, deg) if motion is None else sa.Motion.load(motion, arm)
-    find: Callable[..., sa.FreeBox] = partial(sa.free_box, about, mode=mode)
+    find: Callable[..., sa.FreeBox] = partial(sa.free_box, about, mode=mode, effort=effort)
     if uncertain:
         if mode != FLOATING:
             raise sa.ConfigurationError("--uncertain is for a floating arm; leave out --mode")
+        if effort != 1.0:
+            raise sa.ConfigurationError("--effort is not for --uncertain; leave one of them out")
         find = partial(sa.free_box_for_all, _uncertain(arm, uncertain), about)
     with working("proving", form=STEP_LIMIT) as progress:
         box = find(

@@ -342,10 +342,13 @@ def write_report(
     from spacearm.plots.report_page import design_report  # imports matplotlib
 
     start = opt.joint_values(arm, q, deg) if q else None
+    words = _describing(sys.argv[2:])
+
+    def done(title: str, seconds: float) -> None:
+        err.print(f"spacearm: report: {title}: {seconds:.1f} s")
+
     with working("writing the report") as progress:
-        path = design_report(
-            arm, output, q0=start, words=_describing(sys.argv[2:]), progress=progress
-        )
+        path = design_report(arm, output, q0=start, words=words, on_section=done, progress=progress)
     out.print(f"wrote {path}")
 
 

@@ -40,6 +40,8 @@ from spacearm.workspaces.path_dependent import workspace
 EFFORT = 20_000
 #: Configurations of the risk profile.
 SAMPLES = 50_000
+#: Effort of the proof of the box about the working posture, a tenth of what `free_box` takes.
+BOX_EFFORT = 0.1
 #: Postures of the wheel sizing.
 POSTURES = 400
 #: Postures from which the working posture is chosen.
@@ -139,6 +141,7 @@ def design_report(
     *,
     q0: ArrayLike | None = None,
     words: Sequence[str] | None = None,
+    on_section: Callable[[str, float], object] | None = None,
     progress: Progress | None = None,
 ) -> Path:
     """Write a design report of an arm: one HTML page with everything inside it.
@@ -155,6 +158,7 @@ def design_report(
             singularities of 2,000 within the joint limits if None.
         words: The arguments that describe the arm on the command line, for the commands in the
             report; its file's path or catalogue name if None.
+        on_section: Called as on_section(title, seconds) when a section is done.
         progress: Called as progress(done, most).
 
     Returns:
@@ -190,12 +194,14 @@ def design_report(
 
     sections, begun = list[Section](), time.perf_counter()
     for title, fill in counted(parts, progress):
-        section = Section(title)
+        section, started = Section(title), time.perf_counter()
         try:
             fill(section)
         except (UnsupportedError, NoSolutionError) as reason:
             section.say(f"Not available: {reason}.", "missing")
         sections.append(section)
+        if on_section:
+            on_section(title, time.perf_counter() - started)
     from spacearm import __version__
 
     when = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
@@ -267,16 +273,16 @@ def _ranges(section: Section, arm: SpaceArm, q: Array, about: str, progress: Pro
     if beyond := arm.at(q).outside_limits:
         section.say(f"The working posture is beyond the limits of {', '.join(beyond)}.", "missing")
         return
-    box = free_box(arm.at(q), progress=progress)
+    box = free_box(arm.at(q), effort=BOX_EFFORT, progress=progress)
     section.say(
         "Joint ranges about the working posture in which no posture is singular: within them any "
         "motion of the joints is free, whoever plans it."
     )
-    section.show(box.describe(), f"spacearm box {about} {_numbers(q, ' ')}")
+    section.show(box.describe(), f"spacearm box {about} {_numbers(q, ' ')} --effort {BOX_EFFORT}")
     section.picture(
         plot(box),
         "The ranges (green) within the joint limits, or one turn.",
-        _python(about, f"sa.free_box({_at(q)})"),
+        _python(about, f"sa.free_box({_at(q)}, effort={BOX_EFFORT})"),
     )
 
 

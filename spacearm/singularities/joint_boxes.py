@@ -234,6 +234,7 @@ def free_box(
     within: tuple[ArrayLike, ArrayLike] | None = None,
     clearance: float = 0.0,
     mode: BaseMode = "free-floating",
+    effort: float = 1.0,
     progress: Progress | None = None,
 ) -> FreeBox:
     """Find joint ranges about a configuration or a motion in which nothing is singular, proven.
@@ -251,6 +252,8 @@ def free_box(
         within: (n,) least and (n,) largest positions allowed; the joint limits if None.
         clearance: How far every singular configuration must be from every one in the box [rad].
         mode: What the spacecraft does; see `generalized_jacobian`.
+        effort: Factor on the number of cells that the proof may take. The time grows with it; sides
+            that are undecided because the proof ended may move on with more.
         progress: Called now and then as progress(done, most); it may end before.
 
     Returns:
@@ -269,13 +272,14 @@ def free_box(
         (True, False)
     """
     minors = minors_for_proofs(about.arm, mode)
-    share = min(1.0, LARGE / sum(minor.polynomial.coefficients.size for minor in minors))
+    size = sum(minor.polynomial.coefficients.size for minor in minors)
+    share = positive(effort, "effort", "a factor") * min(1.0, LARGE / size)
 
     def region(*where: Array) -> Region:
         return Roots(minors, *where)
 
-    effort = Effort(0.4, math.ceil(400_000 * share), math.ceil(20_000 * share))
-    return grown(about, region, mode, joints, at_least, within, clearance, progress, effort).box()
+    cells = Effort(0.4, math.ceil(400_000 * share), math.ceil(20_000 * share))
+    return grown(about, region, mode, joints, at_least, within, clearance, progress, cells).box()
 
 
 def grown(

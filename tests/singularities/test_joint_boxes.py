@@ -138,6 +138,14 @@ def test_large_polynomials_get_fewer_cells(monkeypatch):
     assert box.contains(cfg)
 
 
+def test_effort_is_a_factor_on_the_cells():
+    cfg = sa.load("mda6").at(np.radians([0, 60, -100, -50, 30, 0]))
+    little = sa.free_box(cfg, effort=1e-3)
+    assert 0 < little.cells < 400 + joint_boxes.BATCH
+    assert little.contains(cfg)
+    assert "undecided" in {stop.why for stop in little.stops}
+
+
 def test_named_joints_are_at_least_as_wide_as_in_any_order():
     arm = sa.load("planar2")
     cfg = arm.at([0.3, 1.2])
@@ -264,6 +272,7 @@ def test_a_box_holds_what_is_within_the_limits_that_it_becomes(within, tmp_path)
         ({"clearance": -1.0}, "clearance is -1.0"),
         ({"at_least": 0.0}, "at_least is 0.0"),
         ({"joints": ["elbow"]}, "elbow"),
+        ({"effort": 0.0}, "effort is 0.0"),
     ],
 )
 def test_arguments_that_make_no_sense_are_named(options, message):
