@@ -52,7 +52,7 @@ from spacearm.planning.result import Plan
 from spacearm.planning.strategies.at_rest import by_methods
 from spacearm.planning.strategies.attitude_held import attitude_held
 from spacearm.planning.strategies.drift import ramp_ends, stretched
-from spacearm.planning.timing import PEAK, eased
+from spacearm.planning.timing import PEAK, eased, rate_bounds
 from spacearm.signatures import shown
 from spacearm.singularities.sets import singular_set
 
@@ -471,7 +471,7 @@ class Approach:
         if not chase.arrived:
             raise NoSolutionError(f"on the way from the stand-off: {chase.reason}")
         most = self.constraints.joint_rates(self.start.arm)
-        self._check_loads("rate", np.abs(chase.dq).max(axis=0), most)
+        self._check_loads("rate", rate_bounds(chase.spline), most)
         self._check_contacts(chase, t)
 
     def _told(self, t: float, reach: Plan, chase: Followed, brake: Braking) -> dict[str, Any]:

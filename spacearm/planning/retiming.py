@@ -15,6 +15,7 @@ from spacearm.mechanics.dynamics import inverse_dynamics, momentum_and_torque
 from spacearm.mechanics.floating import carried_along, placed, samples
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.motion.flights import load_peaks
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.many_curves import FlownRows
@@ -103,6 +104,27 @@ class Limits:
         load = max(np.abs(self.load(*row)).max() for row in zip(q, dq, ddq, strict=True))
         return float(max(rate, np.sqrt(load)))
 
+    def slowdown_as_flown(self, motion: Motion, jumps: bool) -> float:
+        """Return the factor by which a motion must be slower for the limits to hold as it is flown.
+
+        Bounds between the rows count. Those of the wheels are seen to by `slowed`.
+
+        Args:
+            motion: The motion.
+            jumps: Whether its torques and accelerations jump, which no spline through its rows
+                does: then only the rates count.
+        """
+        found = [(rate_bounds(motion.spline) / self.rate).max()]
+        if jumps:
+            return float(found[0])
+        if np.isfinite(self.acceleration).any():
+            bends = rate_bounds(motion.spline.derivative())
+            found.append(np.sqrt((bends / self.acceleration).max()))
+        if np.isfinite(self.torque).any():
+            torques = load_peaks(motion).bound[: self.arm.n]
+            found.append(np.sqrt((torques / self.torque).max()))
+        return float(max(found))
+
 
 def smooth_pieces(q: Array, divided: int) -> list[CubicSpline]:
     """Return twice differentiable curves (n,) through joint positions, from corner to corner.
@@ -178,7 +200,8 @@ def time_optimal(
         acceleration: Largest joint accelerations [rad/s^2] or [m/s^2], likewise; no limit if None.
         wheels: Limits of each wheel that holds the attitude of a plan; if None those of the
             description.
-        rise: Share of the duration over which torques build up, from 0 (they jump) to 1.
+        rise: Share of the duration over which torques build up, from 0 to 1. With 0 they jump;
+            torques and accelerations then keep their limits at the rows only.
 
     Returns:
         The motion with new times and rows. Joint limits, clearance and collisions of a plan are
@@ -211,7 +234,7 @@ def time_optimal(
     for divided in DIVIDED:
         pieces = smooth_pieces(motion.q, divided)
         timed = _timed(motion, pieces, [_fastest(piece, limits, rise) for piece in pieces])
-        over = float((rate_bounds(timed.spline) / limits.rate).max())
+        over = limits.slowdown_as_flown(timed, jumps=rise == 0.0)
         timed = replace(timed, t=timed.t * max(1.0, over))
         if holds is not None:
             timed = replace(timed, **slowed(timed.arm, timed.t, timed.q, holds))

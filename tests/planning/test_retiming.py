@@ -156,3 +156,14 @@ def test_tracking_brings_an_arm_back_to_its_motion():
     np.testing.assert_allclose(run.q[-1], fast.q[-1], atol=1e-4)
     assert np.abs(law.error(fast.t[-1] + 1.0, arm.at(fast.q[-1]))).max() < 1e-12
     assert law.to_dict()["rate"] == 4.0
+
+
+def test_torques_between_the_rows_keep_their_limits():
+    """By inverse dynamics along the spline that is flown, at many more instants than rows."""
+    plan = sa.plan(sa.load("planar2").at([0.3, 1.2]), sa.Joints([0.9, 0.5]))
+    fast = sa.time_optimal(plan, torque=5.0, rate=10.0, acceleration=3.0)
+    way, found = fast.spline, []
+    for t in np.linspace(0.0, fast.t[-1], 1501):
+        tau = sa.inverse_dynamics(fast.arm.at(way(t)), way(t, 1), way(t, 2)).tau
+        found.append(np.append(np.abs(tau) / 5.0, np.abs(way(t, 2)) / 3.0))
+    assert 0.97 < np.max(found) <= 1.0
