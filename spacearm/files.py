@@ -9,6 +9,7 @@ import os
 import re
 import shutil
 import stat
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -28,6 +29,8 @@ LARGEST_TEXT = 10**7
 UNFINISHED = re.compile(r"\.[0-9a-f]{32}\.partial")
 #: Name, in the unfinished folder that replaces another, of the one that is replaced.
 BEFORE = "before"
+#: Time that what still writes to a folder may take to end [s].
+ENDING = 10.0
 SILENT = "a device or a pipe; save what it gives as a file"
 
 #: Writes the content of a file to it.
@@ -239,13 +242,13 @@ def write_together(fills: Mapping[Path, Fill]) -> None:
         for path, fill in fills.items():
             with _naming(path):
                 target = _target(path)
-                aside = unfinished.enter_context(_aside(target.parent))
+                remove_leftovers(target.parent)
+                file = unfinished.enter_context(aside(target.parent))
                 if target.exists():
-                    os.fchmod(aside.fileno(), stat.S_IMODE(target.stat().st_mode))
-                fill(aside)
-                aside.flush()
-                _flush(aside.fileno())
-            written[path] = (target, Path(aside.name))
+                    os.fchmod(file.fileno(), stat.S_IMODE(target.stat().st_mode))
+                fill(file)
+                flush(file)
+            written[path] = (target, Path(file.name))
         for path, (target, finished) in written.items():
             with _naming(path):
                 if target.exists():
@@ -257,7 +260,7 @@ def write_together(fills: Mapping[Path, Fill]) -> None:
         folders = {target.parent: path for path, (target, _) in written.items()}
         for folder, path in folders.items():
             with _naming(path):
-                _flush_names(folder)
+                flush_names(folder)
         undo.pop_all()
 
 
@@ -274,8 +277,11 @@ def writable(path: Path) -> None:
     Raises:
         SpaceArmError: It cannot be written, or there is a folder, a device or a pipe.
     """
-    with _naming(path), _aside(_target(path).parent):
-        pass
+    with _naming(path):
+        folder = _target(path).parent
+        remove_leftovers(folder)
+        with aside(folder):
+            pass
 
 
 def _target(path: Path) -> Path:
@@ -290,12 +296,11 @@ def _target(path: Path) -> Path:
 
 
 @contextmanager
-def _aside(folder: Path) -> Iterator[BinaryIO]:
+def aside(folder: Path) -> Iterator[BinaryIO]:
     """Open an empty file in a folder; what has its name afterwards is removed.
 
     The file is locked as long as it is open: `remove_leftovers` leaves it alone.
     """
-    remove_leftovers(folder)
     while True:
         path = folder / f".{token_hex(16)}.partial"
         file = path.open("xb")
@@ -346,11 +351,12 @@ def remove_leftovers(folder: Path) -> None:
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             if UNFINISHED.fullmatch(entry.name):
-                _remove_unlocked(Path(entry.path), entry.is_dir(follow_symlinks=False))
+                remove_unlocked(Path(entry.path))
 
 
-def _remove_unlocked(path: Path, is_folder: bool) -> None:
+def remove_unlocked(path: Path) -> None:
     """Remove an unfinished file or folder unless a process has locked it."""
+    is_folder = path.is_dir()
     access = os.O_RDONLY if is_folder else os.O_RDWR  # NFS locks only files that may be written
     with suppress(OSError):
         number = os.open(path, access | os.O_NOFOLLOW | os.O_NONBLOCK)
@@ -364,6 +370,19 @@ def _remove_unlocked(path: Path, is_folder: bool) -> None:
             os.close(number)
 
 
+def remove_folder(folder: Path) -> None:
+    """Remove a folder to which threads or processes that are about to end may still write."""
+    end = time.monotonic() + ENDING
+    while folder.exists() and time.monotonic() < end:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def flush(file: BinaryIO) -> None:
+    """Write a file to the disk."""
+    file.flush()
+    _flush(file.fileno())
+
+
 def _flush(number: int) -> None:
     """Have the system write an open file, or the names in an open folder, to the disk."""
     try:
@@ -373,7 +392,7 @@ def _flush(number: int) -> None:
             raise
 
 
-def _flush_names(folder: Path) -> None:
+def flush_names(folder: Path) -> None:
     """Have the system write the names in a folder to the disk."""
     try:
         number = os.open(folder, os.O_RDONLY)
@@ -417,22 +436,22 @@ def write_folder(path: Path, fill: Callable[[Path], object], mark: str | None) -
         if path.exists() and not (mark and (path / mark).is_file()):
             raise SpaceArmError(f"{path} cannot be written: there is something else; name another")
         target = Path(os.path.realpath(path))
-        with _folder_aside(target.parent) as aside, ExitStack() as undo:
-            made = aside / "made"
+        with _folder_aside(target.parent) as unfinished, ExitStack() as undo:
+            made = unfinished / "made"
             made.mkdir()
             fill(made)
             _flush_all(made)
-            before = aside / BEFORE
+            before = unfinished / BEFORE
             if mark and target.exists():
                 undo.callback(before.rename, target)
                 target.rename(before)
             undo.callback(_rename_own, target, made.stat(), made)
             made.rename(target)
-            _flush_names(target.parent)
+            flush_names(target.parent)
             undo.pop_all()
             with suppress(OSError):  # it remains if the process is killed now
                 if before.exists():
-                    before.rename(aside / "replaced")
+                    before.rename(unfinished / "replaced")
     return path
 
 
@@ -452,7 +471,7 @@ def _folder_aside(parent: Path) -> Iterator[Path]:
             finally:
                 os.close(number)
         finally:
-            shutil.rmtree(path, ignore_errors=True)
+            remove_folder(path)
 
 
 def _flush_all(folder: Path) -> None:
@@ -460,8 +479,8 @@ def _flush_all(folder: Path) -> None:
     for place, _, names in os.walk(folder):
         for name in names:
             with Path(place, name).open("rb") as file:
-                _flush(file.fileno())
-        _flush_names(Path(place))
+                flush(file)
+        flush_names(Path(place))
 
 
 def name_part(name: str) -> str:

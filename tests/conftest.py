@@ -42,6 +42,13 @@ def study():
     return sa.Study.parse(STUDY)
 
 
+@pytest.fixture
+def study_file(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY)
+    return path
+
+
 @pytest.fixture(scope="session")
 def whole(study, tmp_path_factory):
     """The store of an uninterrupted run on two processes of this machine."""

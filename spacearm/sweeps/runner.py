@@ -14,7 +14,7 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Collection, Generator, Iterator
 from concurrent.futures import Future
 from contextlib import closing, suppress
 from functools import lru_cache, partial
@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from spacearm.arrays import MOST_THREADS, whole
 from spacearm.compiler.machine import processors
-from spacearm.errors import SpaceArmError, StoreError, SweepError, imported
+from spacearm.errors import SpaceArmError, StoreError, SweepError, imported, listed
 from spacearm.processes import Process, Threads, WorkerLostError
 from spacearm.signatures import checked
 from spacearm.sweeps.store import DONE, FAILED, Store, dataset
@@ -33,7 +33,9 @@ if TYPE_CHECKING:
     import xarray as xr
     from distributed import Client
 
-Outcome = Literal["kept", "computed"]
+Outcome = Literal["kept", "computed", "lost"]
+#: What is done about a chunk: `do` or `read_back`.
+Work = Callable[[Recipe, str, Chunk], Outcome]
 #: Chunks that the scheduler holds at a time: enough for a thousand cores.
 WIDTH = 2000
 #: Time that a scheduler may take to answer when it is first asked [s].
@@ -62,6 +64,18 @@ def do(recipe: Recipe, path: str, chunk: Chunk) -> Outcome:
     return "computed"
 
 
+def read_back(recipe: Recipe, path: str, chunk: Chunk) -> Outcome:
+    """Read a chunk from the store; in any process.
+
+    Returns:
+        "kept", or "lost" if it is not there, or differs from its checksum.
+
+    Raises:
+        StoreError: The store cannot be read.
+    """
+    return "kept" if _store(recipe, path).is_done(chunk) else "lost"
+
+
 @lru_cache(maxsize=4)
 def _store(recipe: Recipe, path: str) -> Store:
     try:
@@ -85,16 +99,16 @@ class Processes:
 
     def __init__(self, workers: int, recipe: Recipe, path: str) -> None:
         self.width = 2 * workers
-        self._do = partial(do, recipe, path)
+        self._recipe, self._path = recipe, path
         self._threads = Threads(workers)  # each speaks with a process of its own
         self._mine = threading.local()
         self._lock = threading.Lock()
         self._all: set[Process] = set()
         self._closed = False
 
-    def submit(self, chunk: Chunk) -> Future[Outcome]:
-        """Have a chunk done by the next free process."""
-        return self._threads.submit(self._call, chunk)
+    def submit(self, work: Work, chunk: Chunk) -> Future[Outcome]:
+        """Have a chunk done, or read back, by the next free process."""
+        return self._threads.submit(self._call, work, chunk)
 
     def close(self) -> None:
         """End all processes at once; their chunks are not marked as done."""
@@ -107,7 +121,7 @@ class Processes:
         for process in self._all:
             process.end()
 
-    def _call(self, chunk: Chunk) -> Outcome:
+    def _call(self, work: Work, chunk: Chunk) -> Outcome:
         process: Process | None = getattr(self._mine, "process", None)
         if process is None:
             with self._lock:
@@ -116,7 +130,7 @@ class Processes:
                 process = self._mine.process = Process()
                 self._all.add(process)
         try:
-            return process.call(partial(self._do, chunk))
+            return process.call(partial(work, self._recipe, self._path, chunk))
         except WorkerLostError:
             self._mine.process = None
             with self._lock:
@@ -137,7 +151,7 @@ class Cluster:
         )  # Dask has tried several workers
         self._client = client
         self._executor = client.get_executor(pure=False)
-        self._do = partial(do, recipe, path)
+        self._recipe, self._path = recipe, path
 
     @property
     def lost(self) -> bool:
@@ -151,9 +165,9 @@ class Cluster:
             return True
         return False
 
-    def submit(self, chunk: Chunk) -> Future[Outcome]:
-        """Have a chunk done; Dask moves it to another worker if its own dies."""
-        return self._executor.submit(self._do, chunk)
+    def submit(self, work: Work, chunk: Chunk) -> Future[Outcome]:
+        """Have a chunk done, or read back; Dask moves it to another worker if its own dies."""
+        return self._executor.submit(work, self._recipe, self._path, chunk)
 
     def close(self) -> None:
         """Cancel the chunks that have not begun."""
@@ -262,7 +276,8 @@ def sweep(
 
     It may be stopped or killed at any time, and so may each of its workers. Run again, it continues
     where it was, and the numbers are the same to the bit (on processors of one kind). A chunk that
-    fails is tried again, then recorded with its error, and the rest goes on.
+    fails is tried again, then recorded with its error, and the rest goes on. At the end the whole
+    store is read back: if the function returns, all chunks are in it, as their checksums say.
 
     Args:
         study: A study, or the path of its file; see `Study`.
@@ -281,7 +296,8 @@ def sweep(
     Raises:
         ConfigurationError: The study makes no sense.
         ModelError: An arm or a design of it is unsound.
-        StoreError: The store is that of another study, cannot be written, or the cluster is lost.
+        StoreError: The store is that of another study, cannot be written, was removed, moved or
+            lost files while the sweep ran, or the cluster is lost.
         UnsupportedError: Zarr is not installed: pip install 'spacearm[sweep]'.
         SweepError: All chunks were tried, but some failed.
 
@@ -321,26 +337,60 @@ def run_chunks(
     """
     target = Store.create(store, study)
     counts: Counter[str] = Counter()
-    failed: dict[str, str] = {}
-    with closing(_workers(study, target, client, workers)) as pool:
-        for chunk, outcome in _outcomes(study.chunks(), pool, target):
-            if isinstance(outcome, str):
-                counts[outcome] += 1
-            else:
-                text = f"{type(outcome).__name__}: {outcome}"[:SHOWN]
-                failed[f"{chunk.quantity} {chunk.number}"] = text
-                target.record_failure(chunk, text)
-            yield Tally(counts["kept"], counts["computed"], len(failed), study.total)
+    failed: dict[Chunk, str] = {}
+    try:
+        with closing(_workers(study, target, client, workers)) as pool:
+            for chunk, outcome in _outcomes(do, study.chunks(), pool, target):
+                if isinstance(outcome, str):
+                    counts[outcome] += 1
+                else:
+                    failed[chunk] = f"{type(outcome).__name__}: {outcome}"[:SHOWN]
+                    target.record_failure(chunk, failed[chunk])
+                yield Tally(counts["kept"], counts["computed"], len(failed), study.total)
+            check_content(study, target, pool, failed)
+    finally:
+        target.remove_leftovers()
     if not failed:
         target.tidy()
         return
-    (name, error), *others = failed.items()
+    errors = {f"{chunk.quantity} {chunk.number}": text for chunk, text in failed.items()}
+    (name, error), *others = errors.items()
     raise SweepError(
         f"{len(failed)} of {study.total} chunk{'s' * (study.total != 1)} failed "
         f"{ATTEMPTS} times each, the others are in {store}: {name}: {error}"
         + (f" (and {len(others)} more)" if others else ""),
-        failed,
+        errors,
     )
+
+
+def check_content(
+    study: Study, store: Store, pool: Processes | Cluster, failed: Collection[Chunk]
+) -> None:
+    """Read the whole store back: each chunk must be there, as its checksum says.
+
+    Args:
+        study: The study.
+        store: Its store, in which all chunks were found or written.
+        pool: The workers, which read.
+        failed: Chunks that are marked as failed.
+
+    Raises:
+        StoreError: The store was removed, moved, or lost files while the sweep ran.
+    """
+    store.check_there()
+    Store(store.path, study)  # labels and descriptions
+    lost = [chunk for chunk in failed if not store.has_failed(chunk)]
+    done = (chunk for chunk in study.chunks() if chunk not in failed)
+    for chunk, outcome in _outcomes(read_back, done, pool, store):
+        if outcome != "kept":
+            lost.append(chunk)
+    if lost:
+        names = listed([f"{chunk.quantity} {chunk.number}" for chunk in lost])
+        raise StoreError(
+            f"store {store.path}: {len(lost)} of {study.total} chunks were done and are missing or "
+            f"damaged now ({names}): their files were removed or changed while the sweep ran; run "
+            "the same command again to compute them again"
+        )
 
 
 def estimate(study: Study) -> list[Estimate]:
@@ -386,15 +436,19 @@ def _workers(
 
 
 def _outcomes(
-    chunks: Iterator[Chunk], workers: Processes | Cluster, store: Store
+    work: Work, chunks: Iterator[Chunk], workers: Processes | Cluster, store: Store
 ) -> Iterator[tuple[Chunk, Outcome | BaseException]]:
-    """Have all chunks done; yield each with its outcome, or the error of its last attempt."""
+    """Have all chunks done or read back; yield each with its outcome or its last error.
+
+    Raises:
+        StoreError: The store is gone or cannot be used, or the cluster is lost.
+    """
     finished: queue.SimpleQueue[Future[Outcome]] = queue.SimpleQueue()
     running: dict[Future[Outcome], Chunk] = {}
     attempts: Counter[Chunk] = Counter()
 
     def start(chunk: Chunk) -> None:
-        future = workers.submit(chunk)
+        future = workers.submit(work, chunk)
         running[future] = chunk
         future.add_done_callback(finished.put)
 
@@ -404,6 +458,7 @@ def _outcomes(
         future = None
         with suppress(queue.Empty):
             future = finished.get(timeout=PATIENCE)
+        store.check_there()
         if future.cancelled() if future else workers.lost:
             raise StoreError(
                 f"the cluster's scheduler is lost; what is in {store.path} is kept: run the same "

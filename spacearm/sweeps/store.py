@@ -2,10 +2,11 @@
 
 Its layout follows from the study alone: attributes, labels and the descriptions of its arrays. What
 is in a store is compared with them: another study's is refused, what is damaged or was altered is
-written again. Each chunk of each array is one file, with its CRC-32C in it, written beside its
-place and renamed. When all files of a chunk are there, its mark is written: the CRC-32 of its
-numbers. A chunk counts as done if its mark is there and what the files hold agrees with it. No file
-holds pickled objects: numbers, text and JSON only, in Zarr's third format.
+written again. Each chunk of each array is one file, with its CRC-32C in it, written in the store's
+directory, flushed to the disk and renamed. When all files of a chunk are there, its mark is
+written: the CRC-32 of its numbers. A chunk counts as done if its mark is there and what the files
+hold agrees with it. No file holds pickled objects: numbers, text and JSON only, in Zarr's third
+format.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import shutil
 import tempfile
 import warnings
 import zlib
@@ -21,14 +21,13 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from itertools import zip_longest
 from pathlib import Path
-from secrets import token_hex
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.errors import StoreError, imported, shortened
-from spacearm.files import read, write
+from spacearm.errors import SpaceArmError, StoreError, imported, shortened
+from spacearm.files import read, remove_leftovers, remove_unlocked, write, write_folder
 from spacearm.sweeps.study import Chunk, Study
 from spacearm.sweeps.toml import meaning
 
@@ -67,8 +66,10 @@ class Store:
         from spacearm.sweeps.store_files import Files
 
         self.path, self.study = Path(path), study
+        self._there: os.stat_result | None = None
         with self._files():
             compare(self.path, study)
+            self._there = self.path.stat()
             files = Files(self.path, most=largest(study))
             group: Any = zarr.open_group(files, mode="r+", zarr_format=3)
             self._marks = {name: group[f"{MARKS}/{name}"] for name in study.quantities}
@@ -89,16 +90,15 @@ class Store:
         path = Path(path)
         if path.exists():
             return cls(path, study)
-        beside = path.with_name(f".{token_hex(16)}.partial")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            beside.mkdir()
-            lay_out(beside, study)
-            beside.rename(path)
         except OSError as error:
-            shutil.rmtree(beside, ignore_errors=True)
+            raise _trouble(path, error) from None
+        try:
+            write_folder(path, lambda folder: lay_out(folder, study), None)
+        except SpaceArmError as error:
             if not (path / "zarr.json").is_file():  # else another sweep was as quick
-                raise _trouble(path, error) from None
+                raise StoreError(f"store {error}") from None
         return cls(path, study)
 
     def marks(self, quantity: str) -> list[str]:
@@ -130,16 +130,10 @@ class Store:
             StoreError: It cannot be written.
         """
         with self._files():
-            try:
-                self._write(chunk, values)
-            except FileNotFoundError:  # another sweep that ended took it for a leftover
-                self._write(chunk, values)
-
-    def _write(self, chunk: Chunk, values: Mapping[str, Array]) -> None:
-        box = self.study.box(chunk)
-        for name, array in values.items():
-            self._arrays[name][box] = array
-        self._marks[chunk.quantity][chunk.number] = _done(values)
+            box = self.study.box(chunk)
+            for name, array in values.items():
+                self._arrays[name][box] = array
+            self._marks[chunk.quantity][chunk.number] = _done(values)
 
     def record_failure(self, chunk: Chunk, error: str) -> None:
         """Mark a chunk as failed.
@@ -150,13 +144,44 @@ class Store:
         with self._files():
             self._marks[chunk.quantity][chunk.number] = f"{FAILED} {error}"
 
+    def has_failed(self, chunk: Chunk) -> bool:
+        """Return whether the chunk is marked as failed."""
+        with self._files():
+            return self._mark(chunk).startswith(FAILED)
+
+    def check_there(self) -> None:
+        """Check that the store is still where it was when it was opened.
+
+        Raises:
+            StoreError: It was removed, moved or replaced.
+        """
+        remedy = "move it back, or run the same command again to begin a new one"
+        try:
+            found = self.path.stat()
+            (self.path / "zarr.json").lstat()
+        except OSError as error:
+            missing = error.filename or self.path
+            raise StoreError(
+                f"store {self.path} is gone: {missing} was removed or moved while the sweep ran; "
+                f"{remedy}"
+            ) from None
+        if self._there and not os.path.samestat(found, self._there):
+            raise StoreError(
+                f"store {self.path} is gone: another directory was put in its place while the "
+                f"sweep ran; {remedy}"
+            )
+
+    def remove_leftovers(self) -> None:
+        """Remove the unfinished files that killed workers have left."""
+        remove_leftovers(self.path)
+
     def tidy(self) -> None:
-        """Remove the unfinished files of killed processes."""
+        """Remove unfinished files everywhere in the store, also those that Zarr itself writes."""
         from spacearm.sweeps.store_files import PARTIAL
 
         for partial in self.path.rglob("*.partial"):
             if PARTIAL.fullmatch(partial.name):
-                partial.unlink(missing_ok=True)
+                remove_unlocked(partial)
 
     def _mark(self, chunk: Chunk) -> str:
         try:
@@ -169,6 +194,8 @@ class Store:
         try:
             yield
         except OSError as error:
+            if self._there:
+                self.check_there()
             raise _trouble(self.path, error) from None
 
 
@@ -193,8 +220,10 @@ def _done(values: Mapping[str, Array]) -> str:
 
 
 def _trouble(path: Path, error: OSError) -> StoreError:
+    missing = isinstance(error, FileNotFoundError) and error.filename
+    where = f" ({error.filename})" if missing else ""
     return StoreError(
-        f"store {path}: {error.strerror or error}; what is in it is kept: when the cause is "
+        f"store {path}: {error.strerror or error}{where}; what is in it is kept: when the cause is "
         "removed, run the same command again"
     )
 
@@ -283,7 +312,8 @@ def _restore(path: Path, name: str, ours: bytes, remedy: str) -> None:
         sound = theirs.is_file() and theirs.stat().st_size == len(ours)
         sound = sound and theirs.read_bytes() == ours
     if not sound:
-        theirs.parent.mkdir(parents=True, exist_ok=True)
+        for folder in reversed(theirs.relative_to(path).parents[:-1]):
+            (path / folder).mkdir(exist_ok=True)  # not the store itself, if it is gone by now
         write(theirs, ours)
 
 

@@ -6,6 +6,9 @@ lead out of it, a file of any length, or one that unpacks to any length, would f
 
 from __future__ import annotations
 
+import asyncio
+import errno
+import os
 import re
 import stat
 from pathlib import Path, PurePosixPath
@@ -13,6 +16,10 @@ from typing import Any
 
 from zarr.storage import LocalStore
 
+from spacearm.files import aside, flush, flush_names
+
+#: Name of the folder in which Zarr keeps the chunks of an array.
+CHUNKS = "c"
 #: Names of the files that Zarr and `spacearm.files` write before they rename them.
 PARTIAL = re.compile(r"(.*\.)?[0-9a-f]{32}\.partial")
 #: The first bytes of what Zstandard has packed: RFC 8878, section 3.1.1.
@@ -58,13 +65,61 @@ class Files(LocalStore):
 
     async def set(self, key: str, value: Any) -> None:
         """Write a file."""
-        check(self.root, key)
-        await super().set(key, value)
+        await asyncio.to_thread(self.set_sync, key, value)
 
     def set_sync(self, key: str, value: Any) -> None:
-        """Write a file."""
+        """Write a file, whole or not at all, and flush it to the disk.
+
+        It is written in the directory of the store and then renamed: what killed processes leave is
+        found there.
+
+        Raises:
+            FileNotFoundError: The store, or the directory of the array, is gone.
+        """
+        self._check_writable()
         check(self.root, key)
-        super().set_sync(key, value)
+        path = self.root / key
+        make_folders(self.root, path.parent)
+        with aside(self.root) as file:
+            file.write(value.to_bytes())
+            flush(file)
+            Path(file.name).replace(path)
+        flush_names(path.parent)
+
+    async def _open(self, **_: Any) -> None:
+        self._ensure_open_sync()
+
+    def _ensure_open_sync(self) -> None:
+        """Open the store; `LocalStore` would make a directory where there is none."""
+        if not self.root.is_dir():
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self.root))
+        self._is_open = True
+
+
+def make_folders(root: Path, folder: Path) -> None:
+    """Make the folders of an array's chunks, but not that of the array itself.
+
+    A store that is removed while a sweep runs must not come back as an empty one.
+
+    Args:
+        root: The directory of the store.
+        folder: The folder to make: for chunks ROOT/ARRAY/c/..., for other files ROOT/ARRAY.
+
+    Raises:
+        FileNotFoundError: The store, or the directory of the array, is gone.
+    """
+    if folder.is_dir():
+        return
+    parts = folder.relative_to(root).parts
+    known = parts.index(CHUNKS) if CHUNKS in parts else len(parts)
+    place = root.joinpath(*parts[:known])
+    if not place.is_dir():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(place))
+    for part in parts[known:]:
+        if not (place / part).is_dir():
+            (place / part).mkdir(exist_ok=True)
+            flush_names(place)
+        place /= part
 
 
 def unpacked(content: bytes) -> int | None:

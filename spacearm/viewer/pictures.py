@@ -12,7 +12,6 @@ import shutil
 import signal
 import subprocess
 import tempfile
-import time
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -24,6 +23,7 @@ import numpy as np
 
 from spacearm.compiler.machine import processors
 from spacearm.errors import SpaceArmError, imported
+from spacearm.files import remove_folder
 from spacearm.model.arm import Configuration
 from spacearm.viewer.shapes import Y_TO_Z, DrawnShape, link_poses
 from spacearm.viewer.window import PAGE, json_in_html
@@ -40,8 +40,6 @@ HEADLESS = (
 )  # fmt: skip
 #: Longest time that a picture may take, and each further one of a motion [s].
 RENDERING, EACH = 120.0, 5.0
-#: Time that killed processes may take to end [s].
-DYING = 10.0
 #: How names of videos end, and how each is encoded: soon, as a minute is to take half a minute.
 VIDEOS = {
     ".gif": (),
@@ -158,9 +156,7 @@ def _temporary_folder() -> Iterator[Path]:
     try:
         yield folder
     finally:
-        end = time.monotonic() + DYING
-        while folder.exists() and time.monotonic() < end:
-            shutil.rmtree(folder, ignore_errors=True)
+        remove_folder(folder)
 
 
 def _joined(lines: Iterable[bytes]) -> Iterator[bytes]:

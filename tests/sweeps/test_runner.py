@@ -180,13 +180,6 @@ def test_a_chunk_that_is_another_s_is_found(study, whole, tmp_path):
     assert files(store) == files(whole)
 
 
-@pytest.fixture
-def study_file(tmp_path):
-    path = tmp_path / "study.toml"
-    path.write_text(STUDY)
-    return path
-
-
 def children(pid):
     """Process ids of a process's children."""
     listed = subprocess.run(
@@ -294,13 +287,14 @@ def test_a_chunk_that_fails_once_is_tried_again(study, tmp_path, monkeypatch):
         def __init__(self, *_):
             pass
 
-        def submit(self, chunk):
+        def submit(self, work, chunk):
             future = Future()
-            tried.append(chunk)
-            if chunk.number == 5 and tried.count(chunk) == 1:
+            if work is do:
+                tried.append(chunk)
+            if work is do and chunk.number == 5 and tried.count(chunk) == 1:
                 future.set_exception(RuntimeError("a stumble"))
             else:
-                future.set_result(do(study.recipe, str(tmp_path / "s.zarr"), chunk))
+                future.set_result(work(study.recipe, str(tmp_path / "s.zarr"), chunk))
             return future
 
         def close(self):
