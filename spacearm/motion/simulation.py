@@ -231,7 +231,7 @@ def simulate_many(
 
     free_components(mode)  # raises for one that does not exist
     one, each = isinstance(starts, Configuration), len(shape_of(dq)) == 2
-    several = isinstance(controller, Sequence) and not isinstance(controller, str)
+    several = isinstance(controller, Sequence | np.ndarray) and not isinstance(controller, str)
     listed = [starts] if isinstance(starts, Configuration) else list(starts)
     laws: Any = controller if several else [controller]
     arm, duration = _arm_of(listed), positive(duration, "duration", "time [s]")

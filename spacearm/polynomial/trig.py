@@ -32,6 +32,7 @@ from typing import Any
 import numpy as np
 
 from spacearm.arrays import (
+    LARGEST,
     MOST_THREADS,
     NO_NUMBERS,
     Array,
@@ -238,9 +239,10 @@ class TrigPolynomial(Described):
             points = floats(Q)
         except NO_NUMBERS:
             points = np.empty(0)
-        if points.ndim not in (1, 2) or points.shape[-1] != self.n:
+        sound = points.ndim in (1, 2) and points.shape[-1] == self.n
+        if not sound or not (np.abs(points) <= LARGEST).all():
             raise ConfigurationError(
-                f"Q is {shown(Q)}; give (n,) or (m, n) angles [rad], n = {self.n}"
+                f"Q is {shown(Q)}; give (n,) or (m, n) angles [rad], finite, n = {self.n}"
             )
         return points
 

@@ -54,8 +54,8 @@ WORK = ("--duration", "--points", "--effort", "--vary")
 """How much is asked for by their values is the user's affair."""
 PICTURE = re.compile(r".*_(map|workspace|design|simulation|plan)\.png")
 """What is written where no name is given."""
-TEXTS = re.compile(r"(spacearm: (error|warning): .*|stopped: .*)")
-SLOW = re.compile(r"spacearm: .*: (\d+ s so far(, at most \d+ s more)?|\d+ %, about \d+ s left)")
+TEXTS = re.compile(r"(spacearm: (error|warning|note): .*|stopped: .*)")
+SLOW = re.compile(r"spacearm: .*: (\d+ %, )?(\d+ s so far(, at most \d+ s more)?|about \d+ s left)")
 """What a slow machine says besides."""
 
 

@@ -21,6 +21,7 @@ with warnings.catch_warnings():  # meshcat imports what is deprecated
     from spacearm.viewer.server import LARGEST_MESSAGE
 
 VALUES = (
+    1e-308, 1e30, 1e308, 10**30, -0.0,
     None, True, -1, 0, 1, 2, 0.3, 1e300, 10**400, "", "home", "joint", "posture", "free-floating",
     "spacecraft", "\ud800", "x" * 90_000, [], {}, [0, 0, 0], [1e12, 0, 0], ["a"], {"do": "home"},
     float("nan"), float("-inf"), [[[[]]]], -0.7, 3.0, 250.0, 1e6, -1e12,

@@ -10,6 +10,7 @@ import numpy as np
 from spacearm.description.model_catalogue import arms, models_folder
 
 HOSTILE = (
+    "1e30", "1" + 400 * "0", "-0.0", "1e-308",
     "", " ", "0", "-1", "1e-300", "1e308", "-1e400", "nan", "inf", "0x10", "1,5", "1 2", "1 2 3",
     "1 2 3 4", "0 0 0", "nan 0 0", "1e200 1e200 1e200", "\u0661", "\u2028", "\U0001f916", "%s%n",
     "../../etc/passwd", "/dev/zero", "file:///etc/passwd", "http://127.0.0.1:9/x", "package://a/b",

@@ -11,6 +11,7 @@ import pytest
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the fence reads /proc")
 FUZZ = Path(__file__).with_name("fuzz.py")
 CASES = {
+    "calls": 300,
     "urdf": 100, "motions": 50, "commands": 40, "studies": 100, "stores": 20, "trajectories": 60,
     "meshes": 100, "messages": 15,
 }  # fmt: skip
