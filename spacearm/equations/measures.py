@@ -154,6 +154,10 @@ NOTHING = 1e-12
 ROUNDED = 1e-9
 
 
+#: More rows than this are taken together by NumPy.
+AT_ONCE = 8
+
+
 def distance(
     xp: Any, tree: Structure, p: Parameters, q: Any, fading: Any, radians: Any
 ) -> tuple[Any, Any, Any]:
@@ -260,8 +264,13 @@ def way_out(xp: Any, slopes: list[Any], norm: Any, sigma: Any, fading: Any) -> t
 
 
 def _across(rows: list[Any], x: Any, times: int = 2) -> Any:
-    """Return the part of x normal to orthonormal rows; twice is enough."""
+    """Return the part of x normal to orthonormal rows; twice is enough.
+
+    Of numbers, the parts along many rows are taken away at once.
+    """
+    at_once = len(rows) > AT_ONCE and isinstance(x, np.ndarray) and x.dtype == np.float64
+    parts = [np.array(rows)] if at_once else rows
     for _ in range(times if rows else 0):
-        for row in rows:
-            x = x - (row @ x) * row
+        for part in parts:
+            x = x - (part @ x) @ part if at_once else x - (part @ x) * part
     return x

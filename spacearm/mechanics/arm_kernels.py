@@ -24,7 +24,8 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.compiler.expressions import LONGEST, LongTapeError
+from spacearm.compiler import expressions
+from spacearm.compiler.expressions import LongTapeError
 from spacearm.equations.kinematics import Parameters, Structure
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -238,8 +239,8 @@ def _kernel(
         kernel = _compiled(bare, pattern, sizes, len(arms) > 1, shapes, what)
     if kernel is None:
         raise LongTapeError(
-            f"{arms[0].name}: with {arms[0].n} joints this takes more than {LONGEST:,} operations, "
-            "the most that are compiled; lock joints"
+            f"{arms[0].name}: with {arms[0].n} joints this takes more than {expressions.LONGEST:,} "
+            "operations, the most that are compiled; lock joints"
         )
     return kernel, flat[:, vary]
 

@@ -93,7 +93,7 @@ class RankDistances(NamedTuple):
 
 
 def rank_distances(
-    J: Array, dJ: Array, floor: float = 0.0, fading: float = FADING
+    J: Array, dJ: Array, floor: float = 0.0, fading: float = FADING, ranks: int | None = None
 ) -> RankDistances:
     """Compute how far the configurations are at which J loses one rank or several.
 
@@ -102,15 +102,17 @@ def rank_distances(
         dJ: (n, k, n) its derivative, likewise per unit of each joint.
         floor: Singular values up to this are zero.
         fading: Slopes below this times sigma_min are not equations [1/rad].
+        ranks: At most so many ranks that are lost together count; all of them if None. The
+            distances of more are zero.
     """
     U, sigma, VT = np.linalg.svd(J)
     (k, n), p = J.shape, len(sigma)
     sigma = np.where(sigma > floor, sigma, 0.0)
     norm = float(np.linalg.norm(J))
-    slopes = np.einsum("ai,jan,rn->jir", U, dJ, VT)
+    slopes = U.T @ dJ @ VT.T
     distances: Array = np.zeros(k)
     rows: Array = np.zeros((1 + abs(n - k), len(dJ)))
-    for r in range(1, p + 1):
+    for r in range(1, 1 + (p if ranks is None else min(ranks, p))):
         A = slopes[:, p - r :, p - r :].reshape(len(dJ), -1).T
         if r == 1 and k <= n:
             distances[-1], _, rows = way_out(numbers, [*A], norm, sigma[-1], fading)
@@ -123,7 +125,12 @@ def rank_distances(
 
 
 def rank_distances_of(
-    arm: SpaceArm, J: Array, dJ: Array, error: float | None = None, fading: float = FADING
+    arm: SpaceArm,
+    J: Array,
+    dJ: Array,
+    error: float | None = None,
+    fading: float = FADING,
+    ranks: int | None = None,
 ) -> RankDistances:
     """Compute `rank_distances` of an arm in radians, as `joint_scales` counts its joints.
 
@@ -133,6 +140,7 @@ def rank_distances_of(
         dJ: (n, k, n) the derivative of it with respect to each joint.
         error: Singular values of J up to this are zero; up to rounding if None.
         fading: As of `rank_distances`.
+        ranks: As of `rank_distances`.
 
     Returns:
         The distances [rad], and `rows` per radian.
@@ -140,7 +148,7 @@ def rank_distances_of(
     unit = joint_scales(arm)
     J = J * unit
     floor = ZERO * float(np.linalg.norm(J)) if error is None else error * float(unit.max())
-    return rank_distances(J, dJ * unit * unit[:, None, None], floor, fading)
+    return rank_distances(J, dJ * unit * unit[:, None, None], floor, fading, ranks)
 
 
 def project(seen: Linearisation, offset: Array) -> Array:
@@ -232,7 +240,7 @@ def _near(
     """Compute the rank_distances of one configuration."""
     J = task_jacobian(cfg, mode=mode, axes=axes)
     dJ = task_jacobian_derivative(cfg, mode=mode, axes=axes)
-    return rank_distances_of(cfg.arm, J, dJ, fading=fading)
+    return rank_distances_of(cfg.arm, J, dJ, fading=fading, ranks=1)
 
 
 def _stacked(found: list[RankDistances]) -> Linearisation:

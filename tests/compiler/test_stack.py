@@ -127,7 +127,7 @@ def runs(path: Path, n: int, tmp_path: Path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n", [7, 15, 20, 40])
+@pytest.mark.parametrize("n", [7, 15, 20, 40, 100])
 def test_arms_answer_in_threads_with_little_stack(n, tmp_path):
     done = runs(tmp_path / "long.urdf", n, tmp_path)
     assert (done.returncode, done.stdout) == (0, "answered\n"), done.stderr
