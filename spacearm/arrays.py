@@ -36,6 +36,8 @@ MOST_COUNT = 10_000_000
 #: What conversions to an array raise: RuntimeError is that of tensors that want a gradient,
 #: OverflowError that of whole numbers beyond all floats.
 NO_NUMBERS = (TypeError, ValueError, RuntimeError, OverflowError)
+#: Least length that is not zero [m]: products of a few shorter ones are no normal numbers.
+LEAST_LENGTH = 1e-100
 #: Least mass of a body [kg]: Pinocchio divides by masses.
 LEAST_MASS = 1e-12
 

@@ -73,6 +73,22 @@ def read(path: Path, most: int = LARGEST_TEXT) -> bytes:
     return content
 
 
+def is_there(path: Path) -> bool:
+    """Tell whether there is something at a path; no file has a name with NUL or an overlong one."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
+def is_folder(path: Path) -> bool:
+    """Tell whether there is a folder at a path, as `is_there`."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
 class Named(NamedTuple):
     """The files that a name in a file may mean.
 

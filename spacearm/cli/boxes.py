@@ -14,7 +14,7 @@ import spacearm as sa
 from spacearm.arrays import Array
 from spacearm.cli import options as opt
 from spacearm.cli.output import STEP_LIMIT, Answer, kept, working
-from spacearm.files import write
+from spacearm.files import is_there, write
 from spacearm.model.arguments import FLOATING
 from spacearm.results import Description, Table, joint_measures
 from spacearm.singularities.box_graph import MOST, SHARE
@@ -143,7 +143,7 @@ def cover_by_boxes(
     ends = []
     if to:
         ends = [*start, opt.joint_values(arm, opt.numbers("--to", to).tolist(), deg)]
-    so_far = sa.FreeBoxes.load(keep, arm, mode) if keep and keep.exists() else None
+    so_far = sa.FreeBoxes.load(keep, arm, mode) if keep and is_there(keep) else None
     within = _everywhere(arm) if no_limits else None
     found, code = kept(
         "covering",

@@ -19,6 +19,7 @@ import spacearm as sa
 from spacearm.cli.output import err, out, print_description, working
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.compiler.machine import processors
+from spacearm.files import is_there
 from spacearm.results import Column, Description, Table
 from spacearm.sweeps.runner import Tally, connect, estimate, run_chunks, status
 
@@ -120,7 +121,7 @@ def _print_status(study: sa.Study, store: Path) -> int:
 
 
 def _print_estimate(study: sa.Study, store: Path, cores: int) -> None:
-    done = {s.quantity: s.done for s in status(study, store)} if store.exists() else {}
+    done = {s.quantity: s.done for s in status(study, store)} if is_there(store) else {}
     rows, seconds, size = [], 0.0, 0.0
     for quantity, chunks, each, nbytes in estimate(study):
         left = chunks - done.get(quantity, 0)
@@ -135,7 +136,7 @@ def _print_estimate(study: sa.Study, store: Path, cores: int) -> None:
     if cores:
         time = timedelta(seconds=math.ceil(seconds / cores))
         verdict = f"about {time} on {cores} core{'s' * (cores != 1)}, start of the workers apart"
-    folder = next(p for p in (store.absolute(), *store.absolute().parents) if p.exists())
+    folder = next(p for p in (store.absolute(), *store.absolute().parents) if is_there(p))
     free = shutil.disk_usage(folder).free
     disk = f"disk: at most {size / 1e6:,.3g} MB of {free / 1e6:,.0f} MB free"
     tables = [Table(columns, rows)]

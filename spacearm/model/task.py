@@ -240,7 +240,7 @@ class MovableRows:
         twists = [6 + 6 * tip + ROWS.index(row) for tip in range(self.tips) for row in rows]
         part = np.ix_([*range(free), *twists], [*range(free), *range(6, 6 + self.n)])
         sigma = [np.linalg.svd(matrix[part], compute_uv=False) for matrix in self._matrices]
-        return max(int(np.count_nonzero(values > NO_RANK)) for values in sigma) - free
+        return max(0, *(int(np.count_nonzero(values > NO_RANK)) - free for values in sigma))
 
     def can(self, rows: Rows, free: int = 6) -> bool:
         """Whether J* of these rows of all tips has full rank at almost all postures."""

@@ -236,7 +236,7 @@ def recorded(path: Path, topic: str) -> Iterator[Any]:
                 yield from file
         except FileNotFoundError:
             raise ConfigurationError(f"{path} cannot be read: no such file") from None
-        except (OSError, UnicodeDecodeError) as error:
+        except (OSError, ValueError) as error:  # ValueError: no such name, or no text
             raise ConfigurationError(f"{path} cannot be read: {error}") from None
         return
     library = imported("mcap_ros2.reader", "mcap-ros2-support", "mcap")
@@ -246,7 +246,7 @@ def recorded(path: Path, topic: str) -> Iterator[Any]:
         for one in library.read_ros2_messages(str(path), topics=[topic]):
             some = True
             yield one.ros_msg
-    except (OSError, damaged) as error:
+    except (OSError, ValueError, damaged) as error:
         raise ConfigurationError(f"{path} cannot be read: {error}") from None
     if not some:
         raise ConfigurationError(f"{path} has no message on {topic}; name another: --topic")

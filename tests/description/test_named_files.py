@@ -14,6 +14,7 @@ import spacearm as sa
 from spacearm.description.readers.packages import OutsideError, Packages
 from spacearm.description.shapes import read_mesh
 from spacearm.files import lies_in, named_files
+from spacearm.servo.watching import recorded
 
 #: Numbers that no arm of a test has by chance: coordinates, masses and names of secret files.
 SECRET, MASS, NAME = 0.777125, 777125.0, "classified_part"
@@ -397,3 +398,56 @@ def test_a_mesh_of_an_included_sdf_stays_in_the_packages(home):
             loaded = sa.load(home / "robot.sdf")
         assert loaded.tree.visuals["a::arm"].visual[0].reach() >= reach
         assert bool(reach) == (loaded.tree.visuals["a::arm"].visual[0].geometry.file is not None)
+
+
+BAD_NAMES = {"NUL": "a\0b", "overlong": "a" * 5000, "deep": "a/" * 3000 + "b", "half": "\ud800"}
+
+
+@pytest.mark.filterwarnings("ignore:the .*reader. module is deprecated:DeprecationWarning")
+@pytest.mark.parametrize("name", BAD_NAMES.values(), ids=BAD_NAMES)
+def test_names_that_a_caller_gives_and_no_file_can_have(name, tmp_path):
+    folder = tmp_path / name
+    with pytest.raises(sa.ConfigurationError, match="is not a folder"):
+        sa.load("planar2", packages=folder)
+    for suffix in (".jsonl", ".mcap"):
+        with pytest.raises(sa.ConfigurationError, match=r"cannot be read|\[\.\.\.\]"):
+            list(recorded(tmp_path / f"{name}{suffix}", "/joint_states"))
+
+
+@pytest.mark.parametrize("name", ["a" * 5000, "a/" * 3000 + "b"], ids=["overlong", "deep"])
+@pytest.mark.parametrize(
+    "naming",
+    [
+        "<xacro:include filename='{}'/>",
+        "<xacro:include filename='{}*'/>",
+        "<xacro:include filename='$(find {})/x'/>",
+        "<xacro:arg name='q' default='{}'/><xacro:include filename='$(arg q)/x'/>",
+        "<a b=\"${{xacro.load_yaml('{}')}}\"/>",
+    ],
+)
+def test_names_in_a_xacro_source_that_no_file_can_have(naming, name, tmp_path):
+    space = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+    arm = robot(link("bus", 50.0), link("arm"), joint("elbow", "bus", "arm"))
+    text = arm.replace("<robot", f"<robot {space}")
+    path = tmp_path / "robot.xacro"
+    path.write_text(text.replace("</robot>", naming.format(name) + "</robot>"))
+    if "*" in naming:  # no file is included
+        with pytest.warns(sa.ModelWarning, match="a"):
+            sa.load(path)
+        return
+    with pytest.raises(sa.ModelError, match=r"robot\.xacro: is a xacro source"):
+        sa.load(path)
+
+
+@pytest.mark.parametrize("name", ["a" * 5000, "a/" * 3000 + "b"], ids=["overlong", "deep"])
+def test_names_in_an_mjcf_and_an_sdf_that_no_file_can_have(name, tmp_path):
+    told = refused(tmp_path, "robot.xml", f"<mujoco><include file='{name}'/></mujoco>", "compiled")
+    assert len(told) < 5000
+    mesh = f"<asset><mesh name='p' file='{name}.stl'/></asset>"
+    arm = "<body><joint/><geom size='1'/><geom type='mesh' mesh='p' mass='0'/></body>"
+    body = f"<body><freejoint/><geom size='1'/>{arm}</body>"
+    (tmp_path / "robot.xml").write_text(f"<mujoco>{mesh}<worldbody>{body}</worldbody></mujoco>")
+    with pytest.warns(sa.ModelWarning, match="meshes not found"):
+        assert sa.load(tmp_path / "robot.xml").n == 1
+    include = f"<include><uri>{name}</uri></include>"
+    refused(tmp_path, "robot.sdf", sdf(sdf_link("bus", 50), include), "not found")

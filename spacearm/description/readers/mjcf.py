@@ -28,6 +28,7 @@ from spacearm.description.readers.source import Source, apart
 from spacearm.description.srdf import HOME
 from spacearm.description.tree import Loop, Tree
 from spacearm.errors import ModelError
+from spacearm.files import is_there
 
 if TYPE_CHECKING:
     import mujoco
@@ -446,7 +447,7 @@ class Geoms:
         compiler = getattr(mesh, "compiler", self._spec.compiler)  # its own from MuJoCo 4 on
         folder = path.resolve().parent
         file = folder / (getattr(compiler, "meshdir", "") or self._spec.meshdir) / mesh.file
-        found = file.resolve() if file.is_file() else None
+        found = file.resolve() if is_there(file) and file.is_file() else None
         scaled = shapes.Mesh(os.path.relpath(file, folder), found, tuple(scale.tolist()))
         return scaled, pin.SE3(R, -scale * (R @ mesh.refpos))
 

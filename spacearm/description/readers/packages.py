@@ -11,7 +11,7 @@ from pathlib import Path
 from lxml import etree
 
 from spacearm.description.shapes import FORMATS
-from spacearm.files import lies_in, named_files, normalised, read, xml
+from spacearm.files import is_there, lies_in, named_files, normalised, read, xml
 
 #: Levels of folders below each place that are searched.
 DEPTH = 3
@@ -187,7 +187,7 @@ def _above(file: Path) -> Iterator[Path]:
         if level > LEVELS or (level and (folder == home or _is_top(folder))):
             return
         yield folder
-        if (folder / ".git").exists():
+        if is_there(folder / ".git"):
             return
 
 

@@ -126,7 +126,7 @@ class _Reader:
             at = self._contents.frames.pose(frame, link, parent) * at
         material, element = parent.find("material"), parent.find("geometry/*")
         if material is not None and material.find("diffuse") is not None:
-            rgba = tuple(np.clip(vector(source, material, "diffuse", "1 1 1 1"), 0, 1).tolist())
+            rgba = tuple(vector(source, material, "diffuse", "1 1 1 1").tolist())
         if element is None or element.tag in ("empty", "plane"):
             return ()
         if element.tag == "mesh":

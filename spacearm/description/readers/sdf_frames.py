@@ -25,7 +25,7 @@ from spacearm.description.readers.packages import MODEL_FOLDERS
 from spacearm.description.readers.source import WRITTEN, Source, describe, in_xacro, line_of
 from spacearm.description.tree import Tree, free_name
 from spacearm.errors import listed, unknown
-from spacearm.files import named_files, normalised
+from spacearm.files import is_there, named_files, normalised
 
 
 class Scope(NamedTuple):
@@ -366,10 +366,7 @@ def _from_top(inner: Source, uri: str) -> str:
     A path relative to the included file becomes that of the file or folder, if it may be read.
     """
     path = normalised(inner.path.parent / uri)
-    try:
-        return str(path) if path.exists() and inner.packages.holds(path) else uri
-    except (OSError, ValueError):  # nothing can have that name
-        return uri
+    return str(path) if is_there(path) and inner.packages.holds(path) else uri
 
 
 def _candidates(source: Source, uri: str, refused: list[str]) -> Iterator[Path]:

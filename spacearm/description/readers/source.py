@@ -23,7 +23,7 @@ from spacearm.arrays import LARGEST, MOST_LINKS, Array, positive
 from spacearm.description.readers.packages import OutsideError, Packages
 from spacearm.description.shapes import TURNED, Mesh, Shape, Unusable, Visuals
 from spacearm.errors import ConfigurationError, ModelError, ModelWarning, listed, warn
-from spacearm.files import decoded, marked_encoding, read, xml
+from spacearm.files import decoded, is_folder, marked_encoding, read, xml
 from spacearm.processes import VARIABLE, WorkerError, call_within, memory_limit
 
 #: Characters of numbers with pi, + - * / and parentheses, as SPART's files write their numbers.
@@ -126,7 +126,7 @@ class Reading:
         folders = [packages] if isinstance(packages, (str, os.PathLike)) else packages
         paths = tuple(Path(folder) for folder in folders)
         for path in paths:
-            if not path.is_dir():
+            if not is_folder(path):
                 raise ConfigurationError(f"packages: {path} is not a folder; name one that exists")
         return cls(
             check=check or "error",

@@ -16,7 +16,7 @@ from spacearm.description.readers.packages import Packages
 from spacearm.description.readers.source import WRITTEN, Source, apart, mended
 from spacearm.description.readers.xacro_expansion import Expansion, XacroError
 from spacearm.errors import ModelError, unknown
-from spacearm.files import read, xml
+from spacearm.files import is_folder, is_there, read, xml
 
 #: Steps of an expansion that are taken here; one that takes more has a process of its own.
 FEW_STEPS = 100_000
@@ -233,7 +233,7 @@ def instead(file: Path, arguments: Mapping[str, str]) -> tuple[str, list[str]] |
         file: The file that is missing.
         arguments: Values of all arguments.
     """
-    folder = next(parent for parent in file.parents if parent.is_dir())
+    folder = next(parent for parent in file.parents if is_folder(parent))
     first, *rest = file.relative_to(folder).parts
     for name, value in sorted(arguments.items(), key=lambda item: -len(item[1])):
         if value and value in first:
@@ -243,15 +243,15 @@ def instead(file: Path, arguments: Mapping[str, str]) -> tuple[str, list[str]] |
             values = [e[len(before) : len(e) - len(after)] for e in fitting]
             tails = {v: [part.replace(value, v) for part in rest] for v in values if v}
             places = {v: Path(folder, before + v + after, *tail) for v, tail in tails.items()}
-            return name, [v for v, place in places.items() if place.exists()][:MOST_CHOICES]
+            return name, [v for v, place in places.items() if is_there(place)][:MOST_CHOICES]
     return None
 
 
 def names_beside(file: Path) -> list[str]:
     """Return the names with which a missing file would exist, of the part that is missing."""
-    folder = next(parent for parent in file.parents if parent.is_dir())
+    folder = next(parent for parent in file.parents if is_folder(parent))
     rest = file.relative_to(folder).parts[1:]
-    return [e.name for e in sorted(folder.iterdir()) if rest and e.joinpath(*rest).exists()]
+    return [e.name for e in sorted(folder.iterdir()) if rest and is_there(e.joinpath(*rest))]
 
 
 def callers(source: Path, packages: Packages) -> list[str]:
