@@ -96,7 +96,6 @@ def test_recorded_joint_states(tmp_path):
 @pytest.mark.parametrize(
     "message",
     [
-        '{"t": 0, "q": [0.3, 1.2], "dq": 5}',
         '{"t": 0, "q": [0.3, 1.2], "name": 5}',
         '{"t": 0, "q": [0.3, 1.2], "name": [[1]]}',
         '{"t": {"sec": "a"}, "q": [0.3, 1.2]}',
