@@ -183,3 +183,22 @@ def test_truth_values_of_numpy_are_truth_values(tmp_path):
 def test_what_takes_part_in_a_message_is_said_in_few_words():
     with pytest.raises(sa.ConfigurationError, match="a whole number of some 5000 digits"):
         sa.Integration(dt=10**5000)
+
+
+@pytest.mark.parametrize("value", [1e-308, 1e308, 0.0, 10**400, math.nan])
+def test_limits_of_a_timing_that_no_time_keeps_are_refused(value):
+    plan = sa.plan(CFG, sa.Joints([0.4, 1.1]))
+    with pytest.raises(sa.ConfigurationError, match="rate is "):
+        sa.time_optimal(plan, torque=20.0, rate=value)
+
+
+@pytest.mark.parametrize("limits", [..., {...}, 3.0, [1.0], np.zeros(3), [1e308, 1.0], "ab"])
+def test_limits_of_wheels_that_are_none_are_refused(limits):
+    with pytest.raises(sa.ConfigurationError, match="wheels"):
+        sa.load("planar2", wheels={"joint_2": limits})
+
+
+@pytest.mark.parametrize("wheels", [{...}, ..., 3, [...], {1: ()}])
+def test_names_of_wheels_that_are_none_are_refused(wheels):
+    with pytest.raises(sa.ConfigurationError, match="wheels"):
+        sa.load("planar2", wheels=wheels)
