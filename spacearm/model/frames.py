@@ -6,7 +6,6 @@ from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
-from scipy.interpolate import CubicHermiteSpline
 
 from spacearm.arrays import LARGEST, Array, ArrayLike, finite, plain, shape_of
 from spacearm.errors import ConfigurationError, type_of
@@ -114,6 +113,8 @@ def pose_between(begin: pin.SE3, end: pin.SE3, start: Array, stop: Array, s: flo
         stop: (6,) twist at 1.
         s: Where.
     """
+    from scipy.interpolate import CubicHermiteSpline  # slow to import
+
     turned = begin.rotation.T @ end.rotation
     slopes = (begin.rotation.T @ start[3:], pin.Jlog3(turned) @ (end.rotation.T @ stop[3:]))
     ends = np.array([begin.translation, end.translation])
