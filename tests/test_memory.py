@@ -1,12 +1,17 @@
 """Free memory, and what is refused before it is allocated."""
 
+import importlib
 import math
+import tracemalloc
 
+import numpy as np
 import pytest
 from helpers.memory import run_within
 
 import spacearm as sa
 from spacearm import processes
+from spacearm.mechanics.batch import results_for
+from spacearm.polynomial.trig import interpolants
 
 resource = pytest.importorskip("resource")
 
@@ -64,3 +69,37 @@ def test_a_limit_that_is_no_number_of_gigabytes_is_refused(monkeypatch, text):
     monkeypatch.setenv("SPACEARM_MEMORY", text)
     with pytest.raises(sa.ConfigurationError, match=r"SPACEARM_MEMORY is .*positive number of GB"):
         processes.memory_limit()
+
+
+def searches():
+    """Searches with arguments for which they need much memory, and their remedies."""
+    arm = sa.load("planar2")
+    rows = np.broadcast_to(np.zeros(2), (4_000_000, 2))
+    S = sa.singularity_polynomial(arm)
+    box_graph = importlib.import_module("spacearm.singularities.box_graph")
+    cells = box_graph.Cells(
+        np.zeros((1, 2)), np.ones((1, 2)), np.full(1, -1), np.zeros(1, dtype=bool)
+    )
+    return {
+        "grid": (lambda: S.grid((3000, 3000)), "on_grid"),
+        "rows": (lambda: results_for(None, (len(rows), 6, 2), "out"), "fewer rows"),
+        "samples": (lambda: sa.risk_profile(arm, samples=10_000_000), "fewer samples"),
+        "boxes": (lambda: box_graph._with_room(cells, 10_000_000), "fewer boxes"),
+        "a fit": (
+            lambda: interpolants(lambda Q: np.zeros((len(Q), 9)), np.full((2, 9), 300)),
+            "lock joints",
+        ),
+    }
+
+
+@pytest.mark.parametrize("case", ["grid", "rows", "samples", "boxes", "a fit"])
+def test_searches_ask_for_memory_before_they_allocate_it(case, monkeypatch):
+    search, remedy = searches()[case]
+    monkeypatch.setattr(processes, "free_memory", lambda: 6e7)
+    tracemalloc.start()
+    with pytest.raises(sa.SpaceArmError, match=r"needs .* GB of memory, and 0\.048 GB") as caught:
+        search()
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert remedy in str(caught.value)
+    assert peak < 1e7

@@ -5,6 +5,7 @@ Configurations are read, checked and done in blocks, on several threads with lit
 
 from __future__ import annotations
 
+import math
 import mmap
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -38,7 +39,7 @@ from spacearm.mechanics.dynamics import forward_dynamics
 from spacearm.mechanics.jacobian import generalized_jacobian, singular_values_of, task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.processes import Threads
+from spacearm.processes import Threads, check_memory
 from spacearm.signatures import checked
 
 #: Configurations per thread and block: their data fit the processor cache.
@@ -53,6 +54,8 @@ BLOCKS_MAPPED = 32
 def results_for(array: Array | None, shape: tuple[int, ...], what: str) -> Array:
     """Check an array of floats that results are written to, or make one if None."""
     if array is None:
+        remedy = "give fewer rows, or a numpy.memmap to write to as out"
+        check_memory(8.0 * math.prod(map(float, shape)), f"{what} of shape {shape}", remedy)
         return np.empty(shape)
     if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
         raise ConfigurationError(

@@ -45,6 +45,7 @@ from spacearm.arrays import (
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.polynomial.contraction import Index, T, contract, over_blocks, to_complex, to_real
 from spacearm.polynomial.univariate import Complex, Roots, distinct, line_roots, orders, real_roots
+from spacearm.processes import check_memory
 from spacearm.results import Cell, Described, Description, Measure, Table
 from spacearm.signatures import checked, shown
 
@@ -56,6 +57,8 @@ MOST_SAMPLES = 10_000_000
 MOST_ANGLES = 20
 #: Largest number of points of a grid whose values are kept: 4 GB.
 MOST_GRID = 500_000_000
+#: Memory of an angle of a sample, twice; and of a sample of one function, with its spectra [bytes].
+NUMBER_BYTES, SAMPLE_BYTES = 16, 64
 #: Random lines along each angle, from whose spectra its degree is found.
 LINES = 4
 #: Random points at which a fit is compared with new samples.
@@ -75,6 +78,7 @@ def interpolants(sampler: Sampler, degrees: Integers) -> list[Complex]:
 
     Raises:
         UnsupportedError: There are too many.
+        SpaceArmError: They need more memory than is free.
     """
     most = degrees.max(axis=1)
     shape = [2 * int(d) + 1 for d in most]
@@ -84,6 +88,10 @@ def interpolants(sampler: Sampler, degrees: Integers) -> list[Complex]:
             f"{math.prod(shape):.3g} coefficients, of which {MOST_SAMPLES:.0e} at most are "
             "kept; lock joints"
         )
+    samples, components = math.prod(shape), degrees.shape[1]
+    need = samples * (NUMBER_BYTES * len(shape) + SAMPLE_BYTES * components)
+    what = f"a fit of {components:,} trigonometric polynomials, {samples:,} samples each,"
+    check_memory(need, what, "lock joints")
     axes = np.meshgrid(*(2.0 * np.pi * np.arange(s) / s for s in shape), indexing="ij")
     values = sampler(np.stack([axis.ravel() for axis in axes], axis=1))
     components = np.ascontiguousarray(values.T).reshape(-1, *shape)
@@ -309,6 +317,7 @@ class TrigPolynomial(Described):
 
         Raises:
             ConfigurationError: `shape` or `out` has the wrong shape.
+            SpaceArmError: The values need more memory than is free.
         """
         shape = self._grid_shape(shape)
         if out is None and math.prod(shape) > MOST_GRID:
@@ -316,6 +325,10 @@ class TrigPolynomial(Described):
                 f"a grid of shape {shape} has {math.prod(shape):,} points; give at most "
                 f"{MOST_GRID:,}, or use on_grid, which does not keep the values"
             )
+        if out is None:
+            need = 8.0 * math.prod(map(float, shape))
+            what = f"a grid of shape {tuple(shape)}"
+            check_memory(need, what, "give fewer points, or use on_grid")
         values = np.empty(shape) if out is None else out
         if values.shape != shape:
             raise ConfigurationError(f"out has shape {values.shape}; give {shape}")

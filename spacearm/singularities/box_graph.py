@@ -29,6 +29,7 @@ from spacearm.model.joints import joint_scales, joint_vector
 from spacearm.polynomial.free_regions import Roots
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.tubes import ROUNDING
+from spacearm.processes import check_memory
 from spacearm.results import Cell, Column, Description, Result, Table
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import digest_of_set
@@ -45,6 +46,8 @@ SHARE, MOST = 0.99, 1_000_000
 TOUCHING = 1e-12
 #: Connected parts that are described.
 MOST_PARTS = 10
+#: Arrays of cells that a search has at a time: those of before and of after it is enlarged.
+CELL_NUMBERS = 4
 #: Largest size of the cells that a file may hold unpacked [bytes]: some ten million.
 LARGEST = 2 * 10**9
 
@@ -456,8 +459,14 @@ def _covered(
 
 
 def _with_room(cells: Cells, more: int) -> Cells:
-    """Return cells with room for more, which are not halved and not free."""
+    """Return cells with room for more, which are not halved and not free.
+
+    Raises:
+        SpaceArmError: They need more memory than is free.
+    """
     n = cells.low.shape[1]
+    need = CELL_NUMBERS * 8.0 * (len(cells.low) + more) * (n + 1)
+    check_memory(need, f"a search of {len(cells.low) + more:,} boxes", "search fewer boxes")
     room = Cells(
         np.empty((more, n)), np.empty((more, n)), np.full(more, -1), np.zeros(more, dtype=bool)
     )

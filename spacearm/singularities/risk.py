@@ -30,6 +30,7 @@ from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import SpaceArm
+from spacearm.processes import check_memory
 from spacearm.results import Column, Description, Measure, Result, Table
 from spacearm.signatures import checked, shown
 
@@ -37,6 +38,8 @@ from spacearm.signatures import checked, shown
 NEAR = float(np.radians(5.0))
 #: Number of configurations drawn at once.
 BLOCK = 1_000_000
+#: Numbers that are kept of each sample besides its joints.
+MEASURED = 8
 
 
 class RiskProfile(Result):
@@ -315,8 +318,14 @@ def check_slides(arm: SpaceArm) -> None:
 
 
 def uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Array:
-    """Draw m uniform configurations (m, n), within the joint limits or from the full turn."""
+    """Draw m uniform configurations (m, n), within the joint limits or from the full turn.
+
+    Raises:
+        SpaceArmError: They, and what is measured at them, need more memory than is free.
+    """
     check_slides(arm)
+    need = 8.0 * m * (arm.n + MEASURED)
+    check_memory(need, f"{m:,} samples of {arm.n} joints", "use fewer samples")
     span = arm.upper - arm.lower
     turns = (span >= 2.0 * np.pi) & (arm.coupling is None or np.isinf(span))
     kept = arm.slides | (limits & ~turns)

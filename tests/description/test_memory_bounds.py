@@ -62,3 +62,52 @@ def test_an_mjcf_that_asks_for_much_memory_takes_little_here(case, tmp_path):
     path.write_text(text, encoding="utf-8")
     said = load_within(path)
     assert said == "1" or "numbers" in said or "is not read in 60 s and 1 GB" in said
+
+
+READ = """
+from pathlib import Path
+from spacearm.description.shapes import read_mesh
+try:
+    print(len(read_mesh(Path({!r})).faces))
+except sa.SpaceArmError as error:
+    print(error)
+"""
+COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset/>
+<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="9">
+0 0 0 1 0 0 0 1 0</float_array><technique_common><accessor source="#a" count="3" stride="3">
+<param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor>
+</technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+{parts}</mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s">{nodes}
+</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>
+"""
+TRIANGLES = """<triangles count="{0}"><input semantic="VERTEX" source="#v" offset="0"/><p>{1}</p>
+</triangles>"""
+POLYGONS = """<polylist count="1"><input semantic="VERTEX" source="#v" offset="0"/>
+<vcount>{}</vcount><p>0 1 2</p></polylist>"""
+NODE = '<node id="n"><instance_geometry url="#g"/></node>'
+PLY = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+PLY += "property float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n"
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+MESHES = {
+    "copies.dae": lambda: COLLADA.format(
+        parts=TRIANGLES.format(1000, "0 1 2 " * 1000), nodes=NODE * 9000
+    ),
+    "corners.dae": lambda: COLLADA.format(parts=POLYGONS.format(400_000_000), nodes=NODE),
+    "text.dae": lambda: COLLADA.format(
+        parts=TRIANGLES.format(3_000_000, "0 1 2 " * 3_000_000), nodes=NODE
+    ),
+    "faces.obj": lambda: TRIANGLE + "f 1 2 3\n" * 5_000_000,
+    "polygon.obj": lambda: TRIANGLE + "f" + " 1 2 3" * 5_000_000,
+    "faces.ply": lambda: PLY.format(3_000_000) + "0 0 0\n1 0 0\n0 1 0\n" + "3 0 1 2\n" * 3_000_000,
+    "count.ply": lambda: PLY.format(2**31) + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MESHES)
+def test_a_mesh_that_asks_for_much_memory_takes_little_here(name, tmp_path):
+    path = tmp_path / name
+    path.write_text(MESHES[name](), encoding="utf-8")
+    said, peak = run_within(ENOUGH, READ.format(str(path)))
+    assert peak < MUCH, said
+    assert said.isdecimal() or "cannot be read" in said
