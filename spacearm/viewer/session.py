@@ -45,6 +45,8 @@ from spacearm.viewer.motions import HandFlight, mode_named, moved
 MODES = ("posture", "free-floating")
 #: Largest reach of a slider from home [rad] or [m]: four turns, or 25 m.
 FARTHEST = 25.0
+#: Arms of more joints are shown with the first-order estimate: their search takes minutes.
+SEARCHED = 20
 #: Longest joint motion on which the reaction of the spacecraft is integrated [rad] or [m].
 LONGEST = 4.0 * FARTHEST
 
@@ -55,7 +57,8 @@ class Session:
     Attributes:
         arm: The arm.
         cfg: The configuration on show.
-        report: Its singularity report, with the nearest singular configuration found.
+        report: Its singularity report, with the nearest singular configuration found, of arms of up
+            to `SEARCHED` joints.
         origin: Where it comes from.
         mode: "posture": the attitude stays while joints move; "free-floating": the spacecraft turns
             as momentum conservation demands.
@@ -103,9 +106,10 @@ class Session:
         """Show a configuration."""
         self.cfg = cfg
         report, mode = singularity(cfg, mode=self.spacecraft), self.spacecraft
-        self.report: SingularityReport = searched(
-            report, nearest_on_way(cfg.arm, mode, cfg.q[None, None], proven=False)
-        )
+        self.report: SingularityReport = report
+        if cfg.arm.n <= SEARCHED:
+            found = nearest_on_way(cfg.arm, mode, cfg.q[None, None], proven=False)
+            self.report = searched(report, found)
 
     def go(self, q: Array) -> None:
         """Move the joints straight to q (n,); in free-floating mode the spacecraft reacts.
