@@ -221,7 +221,7 @@ class Session:
     def _meanwhile(self) -> str:
         """What the spacecraft does while something is dragged, in words."""
         held = self.spacecraft == "free-floating" and self.mode == "posture"
-        does = "holds its attitude" if held else f"is {self.spacecraft}"
+        does = "keeps the attitude shown" if held else f"is {self.spacecraft}"
         return f", while the spacecraft {does}"
 
     def _fly(self, message: dict[str, Any]) -> None:

@@ -255,7 +255,7 @@ def test_an_arm_with_two_tips_is_described_asked_and_written(tmp_path):
 
 
 def test_there_is_one_home_for_the_command_line_and_the_viewer(tmp_path):
-    """What convert --home writes is what home means, with --deg too, and where the viewer begins."""
+    """What convert --home writes is what home means, with --deg too; there the viewer begins."""
     path = tmp_path / "at_home.urdf"
     homes = ("--home", "joint_1=20", "--home", "joint_2=-50")
     assert spacearm("convert", "planar2", *homes, "--deg", "-o", path).returncode == 0

@@ -45,6 +45,15 @@ def test_the_page_needs_nothing_from_elsewhere_and_logs_no_error(page, viewer):
 
 
 @pytest.mark.slow
+def test_the_mode_in_which_the_posture_is_judged_stands_beside_the_distance(page, viewer):
+    assert page.text("#judged") == "(free-floating)"
+    viewer.session.handle({"do": "spacecraft", "mode": "attitude-controlled"})
+    page.move(1, 20.0)
+    page.wait_text("#judged", "(attitude-controlled)")
+    assert viewer.session.report.mode == "attitude-controlled"
+
+
+@pytest.mark.slow
 def test_a_slider_at_the_singularity_shows_dynamic_and_the_arrow(page, viewer):
     assert not page.visible("directions", "lost")
     page.move(1, -11.41)

@@ -90,7 +90,7 @@ def test_a_blocked_tip_names_what_the_spacecraft_does():
     arm = sa.load("planar2")
     session = Session(arm, arm.at(np.radians([20, -30])))
     pulled(session, [3.0, 0.5, 0])
-    assert session.blocked.endswith("while the spacecraft holds its attitude")
+    assert session.blocked.endswith("while the spacecraft keeps the attitude shown")
     session.handle({"do": "mode", "mode": "free-floating"})
     pulled(session, [3.0, 0.5, 0], grip=2)
     assert session.blocked.endswith("while the spacecraft is free-floating")

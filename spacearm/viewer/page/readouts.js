@@ -24,6 +24,7 @@ export function createReadouts({ model, tip, tip_reason, task, unit, joints, mea
 function show(state, { joints, task, unit }) {
   setKind(state, state.impossible && "impossible task");
   gauge(state.distance);
+  byId("judged").textContent = `(${state.spacecraft})`;
   byId("away").textContent = state.impossible
     || (state.away ? `To get away, per degree: ${state.away}` : "");
   byId("radius").textContent = `${digits(state.radius, 5)} m`;
