@@ -239,7 +239,7 @@ class Plan(Drifting, kw_only=True):
     def clear(self) -> str:
         """How far the flown motion stays from singular postures: proven and found, in words."""
         if self.nearest is None:
-            return "no singular posture found"
+            return "the search found no singular posture; one may be missed"
         return nearness(self.nearest.distance, self.nearest.distance_proven)
 
     @property

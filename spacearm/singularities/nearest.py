@@ -6,9 +6,15 @@ set linearised at x (`mechanics.distance.project`). Nearest points are fixed poi
 ends are then moved onto the set and along it, by Newton's method on T(x) = x, its derivatives taken
 as differences, or by shorter steps towards T(x) where that is no nearer.
 
-J* itself and its derivative are all that this takes, so it works for every arm, and nothing is
-found that is not singular. That nothing nearer is missed is proven by the minors of J*, where it
-has any (`polynomial.free_regions`).
+Starts are random offsets, the configuration itself, the end of a descent along the gradient from it
+and, where J* has one minor S, the roots of S along lines through it. So what is found is never
+farther than that descent reaches.
+
+J* itself and its derivative are all that the descents take, so they work for every arm, and nothing
+is found that is not singular: an end counts if it is on the set linearised there, or if its
+sigma_min is zero within its rounding error bound. Where sigma_min is tiny everywhere, the second is
+what decides. That nothing nearer is missed is proven by the minors of J*, where it has any
+(`polynomial.free_regions`).
 """
 
 from __future__ import annotations
@@ -34,6 +40,7 @@ from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.tubes import ROUNDING, Tubes, deviations, foot
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.singularities.immaterial_masses import payload_note
+from spacearm.singularities.rounding import error_bars
 
 #: Share of the distance found up to which it is proven that none is nearer, by one minor and by
 #: several or along a way; in up to three joints that matter all but so much [rad].
@@ -57,8 +64,9 @@ REACH, BEYOND = 2.0, 1.2
 STEPS = 8
 #: What a radian from the set counts. Less leads into valleys of sigma_min that seem to reach it.
 WEIGHT = 20.0
-#: Steps onto the set from the ends, and after each move along it.
-LANDING, BACK = 10, 4
+#: Steps onto the set from the ends, after each move along it, and along the gradient from the
+#: configuration itself.
+LANDING, BACK, DESCENT = 10, 4, 25
 #: Ends that are moved along the set, as long as they lie apart.
 ENDS = 12
 #: Ends nearer to each other than this are one [rad].
@@ -83,6 +91,12 @@ MOST_SETTLED = 2000
 LINEARISED = 100
 #: Distance of the set from singular configurations, and where it is nowhere in sight [rad].
 THERE, FAR = 1e-8, 10.0
+#: Farther from the set than this no end is singular, whatever rounding does to sigma_min [rad].
+NEARLY = 1e-3
+#: Points of a line on which sign changes of S are looked for, from -pi to pi.
+LINE = np.linspace(-np.pi, np.pi, 129)
+#: Radius of the ball in which it is proven that none is, where the search finds none [rad].
+WITHOUT = 1.0
 #: Offsets that come nearer by less than this are at rest [rad].
 RESTING = 1e-13
 
@@ -171,7 +185,35 @@ def nearest_singular(
         progress: Called as progress(done, most), in steps of the search and of the proof.
 
     Raises:
-        NoSolutionError: None was found.
+        NoSolutionError: None was found; says how far none is, where that is proven.
+    """
+    near, proven = search_and_proof(arm, mode, way, limits, minors, progress)
+    if near is None:
+        within = f"; none is within {angle(proven, down=True)}: proven" if proven else ""
+        raise NoSolutionError(f"{arm.name}: the search found no singular configuration{within}")
+    return near
+
+
+def search_and_proof(
+    arm: SpaceArm,
+    mode: BaseMode,
+    way: Array,
+    limits: bool = False,
+    minors: Sequence[Jets] = (),
+    progress: Progress | None = None,
+) -> tuple[NearestSingular | None, float]:
+    """Find what `nearest_singular` returns, None if nothing, and how far none is [rad].
+
+    Where the search finds none, the proof is that none is within `WITHOUT`; where it stops, another
+    search begins.
+
+    Args:
+        arm: The arm.
+        mode: As of `nearest_singular`.
+        way: As of `nearest_singular`.
+        limits: As of `nearest_singular`.
+        minors: As of `nearest_singular`.
+        progress: As of `nearest_singular`.
     """
     unit, done = joint_scales(arm), 0
     points = way / unit
@@ -202,20 +244,21 @@ def nearest_singular(
         return True
 
     for x in places:
-        while is_nearer(x, about(x).nearest()) and not np.array_equal(x, start):
+        while is_nearer(x, about(x).nearest(_on_lines(arm, mode, minors, unit * x))):
+            if np.array_equal(x, start):
+                break
             x = start
     share = SHARE if len(minors) == 1 and len(way) == 1 else SHARE_OF_SEVERAL
-    while best is not None and boxes > 0:
-        ends = points.min(axis=(0, 1)) - distance, points.max(axis=(0, 1)) + distance
+    while boxes > 0:
+        reach = WITHOUT if best is None else distance
+        ends = points.min(axis=(0, 1)) - reach, points.max(axis=(0, 1)) + reach
         if limits:
             ends = np.maximum(ends[0], arm.lower / unit), np.minimum(ends[1], arm.upper / unit)
         roots = Roots(minors, np.zeros(arm.n), unit, *ends)
-        wanted = distance * share
+        wanted = reach * share
         if roots.relevant.sum() <= 3:
-            wanted = max(wanted, distance - GAP)
-        proof = prove(
-            roots, Tubes.about(points, wanted, CHORD * (distance - wanted)), boxes, worked
-        )
+            wanted = max(wanted, reach - GAP)
+        proof = prove(roots, Tubes.about(points, wanted, CHORD * (reach - wanted)), boxes, worked)
         proven, boxes = max(proven, proof.radius), boxes - proof.tried
         if not len(proof.open):
             break
@@ -224,10 +267,40 @@ def nearest_singular(
         if not is_nearer(x, search.settled(search.descended(proof.open[: STARTS[1]] - x)[0])):
             break
     if best is None:
-        raise NoSolutionError(f"{arm.name}: no singular configuration was found")
+        return None, proven
     distance += float(deviations(points).max())  # the way itself may be farther than its chords
     proven = min(proven, distance)
-    return NearestSingular(arm, mode, unit * start, limits, unit * best, distance, proven)
+    found = NearestSingular(arm, mode, unit * start, limits, unit * best, distance, proven)
+    return found, proven
+
+
+def _on_lines(arm: SpaceArm, mode: BaseMode, minors: Sequence[Jets], q: Array) -> Array:
+    """Return the offsets (m, n) from q (n,) of roots of S on lines through it; none without S.
+
+    The lines are those along each joint and along the gradient of sigma_min.
+    """
+    unit = joint_scales(arm)
+    found = [np.empty((0, arm.n))]
+    if len(minors) != 1:
+        return found[0]
+    (S,) = minors
+    angles = S.chart.angles(q)
+    for j in np.flatnonzero(S.polynomial.degrees) if np.isfinite(angles).all() else ():
+        roots = S.polynomial.roots_along(angles[None], int(j))[0]
+        at = np.tile(angles, (len(roots), 1))
+        at[:, j] = roots
+        offset = (S.chart.positions(at) - q) / unit
+        if not arm.slides[j]:
+            offset[:, j] = np.angle(np.exp(1j * offset[:, j]))
+        found.append(offset[np.isfinite(roots)])
+    way = linearise(arm, q[None], mode).rows[0, 0]
+    line = LINE[:, None] * way
+    value = S(q + unit * line).value
+    (before,) = np.nonzero(np.sign(value[1:]) != np.sign(value[:-1]))
+    share = value[before] / (value[before] - value[before + 1])
+    found.append(line[before] + share[:, None] * (line[before + 1] - line[before]))
+    offsets = np.concatenate(found)
+    return offsets[np.isfinite(offsets).all(axis=1)]
 
 
 def most_boxes(minors: Sequence[Jets]) -> int:
@@ -410,16 +483,27 @@ class NearestSearch:
         self.linearised(len(X))
         return found
 
-    def nearest(self) -> Array | None:
-        """Return the best offset (n,) of descents from starts about the origin, or None."""
-        return next(iter(self.ends()), None)
+    def nearest(self, beside: Array | None = None) -> Array | None:
+        """Return the best offset (n,) of descents from starts about the origin, or None.
 
-    def ends(self) -> Array:
-        """Return the offsets (m, n) that descents about the origin reach, the nearest first."""
-        rng, reach = np.random.default_rng(0), REACH
-        ends = []
+        Args:
+            beside: As of `ends`.
+        """
+        return next(iter(self.ends(beside)), None)
+
+    def ends(self, beside: Array | None = None) -> Array:
+        """Return the offsets (m, n) that descents about the origin reach, the nearest first.
+
+        Args:
+            beside: (m, n) starts besides random ones and the descent along the gradient.
+        """
+        rng, reach, n = np.random.default_rng(0), REACH, self.arm.n
+        ends = [self.onto(np.zeros((1, n)), DESCENT)]
         for m in STARTS:
-            X, merit = self.descended(self.within(_ball(rng, m, self.arm.n, reach)))
+            starts = _ball(rng, m, n, reach)
+            if beside is not None and len(ends) == 1:
+                starts = np.concatenate((starts, beside))
+            X, merit = self.descended(self.within(starts))
             ends.append(X)
             reach = min(reach, BEYOND * float(merit.min()))
         return self.reached(np.concatenate(ends))
@@ -491,9 +575,24 @@ class NearestSearch:
     def reached(self, X: Array) -> Array:
         """Return the offsets (m, n) of the set that are reached along it from X, nearest first."""
         X = self.onto(X, LANDING)
-        X = self.rested(_apart(X, self.project(X)[1], ENDS))
-        X = X[~np.isnan(X[:, 0])]
-        return _apart(X, np.linalg.norm(X, axis=1), ENDS)
+        _, merit = self.project(X)
+        ends = _apart(X, merit, ENDS)
+        landed = X[self.on_set(X)]
+        nearest = landed[np.argsort(np.linalg.norm(landed, axis=1))[:1]]
+        ends = np.concatenate((nearest, self.rested(np.concatenate((nearest, ends)))))
+        ends = ends[~np.isnan(ends[:, 0])]
+        return _apart(ends, np.linalg.norm(ends, axis=1), ENDS)
+
+    def on_set(self, X: Array) -> Booleans:
+        """Tell which offsets (m, n) are singular, those included that are within rounding."""
+        distance, sigma, _ = self.linearise(X)
+        there = distance <= THERE
+        unit = joint_scales(self.arm)
+        start = np.broadcast_to(self.Q, (len(X), self.arm.n))
+        for i in np.flatnonzero(~there & (distance <= NEARLY)):
+            bound = error_bars(self.arm.at(start[i] + unit * X[i]), mode=self.mode).sigma
+            there[i] = sigma[i] <= bound * unit.max()
+        return there
 
     def rested(self, X: Array) -> Array:
         """Move offsets (m, n) along the set until they rest; NaN where there is none.
@@ -511,7 +610,7 @@ class NearestSearch:
             if not moving.size:
                 break
         X = self.onto(X, 2)
-        X[self.linearise(X).distance > THERE] = np.nan
+        X[~self.on_set(X)] = np.nan
         return X
 
     def _moved(self, X: Array) -> tuple[Array, Array, Booleans]:

@@ -31,7 +31,7 @@ from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import payload_note
 from spacearm.singularities.nearest import NearestSingular, angle, nearness
 from spacearm.singularities.rounding import error_bars
-from spacearm.singularities.sets import nearest_on_way
+from spacearm.singularities.sets import search_on_way
 
 #: "closure" is for held targets alone, see `HeldReport`.
 Kind = Literal["regular", "closure", "kinematic", "dynamic"]
@@ -77,7 +77,8 @@ class SingularityReport(Result):
         distance: How far in joint space the nearest singular configuration is [rad]. If `nearest`
             is there, it is the distance of that one, so the nearest of all is no farther; else an
             estimate to first order, see `singularity`. Zero where sigma_min is not above `error`;
-            inf where no small motion of the joints makes it vanish.
+            inf where no small motion of the joints makes it vanish to first order. An estimate that
+            a proof refutes is replaced by `distance_proven`.
         distance_proven: No singular configuration is nearer than this [rad]: proven, rounding
             included. Zero where nothing is proven, as without `exact`.
         distances: (k,) distances to first order for several singular values: entry j is how far
@@ -85,8 +86,10 @@ class SingularityReport(Result):
             task has rows.
         away: (n,) joint motion [rad] or [m] per radian of distance that leads away from the
             nearest singular configuration; zeros where `distance` is inf.
-        nearest: (n,) the nearest singular configuration, if `exact` asked for it and there is one;
-            else None.
+        nearest: (n,) the nearest singular configuration, if `exact` asked for it and the search
+            found one; else None.
+        searched: Whether the nearest one was searched for. If so and `nearest` is None, one may
+            have been missed; none is within `distance_proven`.
         rank: Number of singular values whose distance is above `tolerance`.
         manipulability: Yoshikawa's sqrt(det(J J^T)), the product of the singular values.
         condition: Largest over least singular value; infinite if the least is zero.
@@ -118,6 +121,7 @@ class SingularityReport(Result):
     distances: Array
     away: Array
     nearest: Array | None
+    searched: bool
     rank: int
     manipulability: float
     condition: float
@@ -153,9 +157,14 @@ class SingularityReport(Result):
         kind = self.kind if self.rank == len(self.sigma) else f"{self.kind} singularity"
         if self.nearest is not None:
             return f"{kind}: {nearness(self.distance, self.distance_proven)}"
-        if self.distance > FAR:
-            return f"{kind}: no singular posture is near, to first order"
-        return f"{kind}: a singular posture about {angle(self.distance)} away, to first order"
+        estimate = to_first_order(self.distance)
+        if not self.searched:
+            return f"{kind}: {estimate}"
+        said = f"{kind}: the search found no singular posture"
+        if not self.distance_proven:
+            return f"{said}; one may be missed; {estimate}"
+        said += f"; none within {angle(self.distance_proven, down=True)}, proven"
+        return said if self.distance <= self.distance_proven else f"{said}; {estimate}"
 
     @property
     def way_out(self) -> str:
@@ -338,6 +347,7 @@ def singularity(
         distances=distances,
         away=away,
         nearest=None,
+        searched=False,
         rank=rank,
         manipulability=float(np.prod(sigma)),
         condition=float(sigma[0] / sigma[-1]) if sigma[-1] > 0.0 else float("inf"),
@@ -353,21 +363,35 @@ def singularity(
         length=task.length if task.mixed else None,
         tolerance=tolerance,
     )
-    return (
-        searched(report, nearest_on_way(cfg.arm, mode, cfg.q[None, None], progress))
-        if exact
-        else report
-    )
+    if not exact:
+        return report
+    return searched(report, *search_on_way(cfg.arm, mode, cfg.q[None, None], progress))
 
 
-def searched(report: SingularityReport, near: NearestSingular | None) -> SingularityReport:
-    """Return a report to first order with the nearest singular configuration that was found."""
+def to_first_order(distance: float) -> str:
+    """Say what a first-order estimate tells of the distance to the singular set [rad]."""
+    if distance > FAR:
+        return f"the first-order estimate is above {angle(FAR)}, too far to tell the distance"
+    return f"a singular posture about {angle(distance)} away, to first order"
+
+
+def searched(
+    report: SingularityReport, near: NearestSingular | None, proven: float = 0.0
+) -> SingularityReport:
+    """Return a report to first order with what a search found.
+
+    Args:
+        report: The report to first order.
+        near: The nearest singular configuration that was found; None if none was.
+        proven: How far none is, if none was found [rad].
+    """
     if near is None:
-        far = report.distance > report.tolerance
-        return replace(report, distance=np.inf) if far else report
+        distance = max(report.distance, proven)
+        return replace(report, searched=True, distance=distance, distance_proven=proven)
     apart = near.distance > report.tolerance
     return replace(
         report,
+        searched=True,
         nearest=near.q,
         distance=near.distance,
         distance_proven=near.distance_proven,

@@ -26,7 +26,7 @@ from spacearm.signatures import checked
 from spacearm.singularities import polynomials
 from spacearm.singularities.abstract_set import SingularSet, path_rows, prove_clear, prove_free
 from spacearm.singularities.exact_set import ExactSet
-from spacearm.singularities.nearest import NearestSingular, lose_rank, nearest_singular
+from spacearm.singularities.nearest import NearestSingular, lose_rank, search_and_proof
 from spacearm.singularities.regularity import has_momenta, prove_by_momenta
 
 #: Starts after which a search ends, and how many more each one found is worth.
@@ -203,8 +203,6 @@ def nearest_on_way(
 ) -> NearestSingular | None:
     """Find the singular configuration nearest to a way, as `SingularSet.nearest`; None if none was.
 
-    An arm that can never do its task is singular where it is.
-
     Args:
         arm: The arm.
         mode: What the spacecraft does.
@@ -212,10 +210,29 @@ def nearest_on_way(
         progress: As in `SingularSet.nearest`.
         proven: Whether to prove that none is nearer.
     """
+    return search_on_way(arm, mode, way, progress, proven)[0]
+
+
+def search_on_way(
+    arm: SpaceArm,
+    mode: BaseMode,
+    way: Array,
+    progress: Progress | None = None,
+    proven: bool = True,
+) -> tuple[NearestSingular | None, float]:
+    """Find what `nearest_on_way` returns, and how far no singular configuration is [rad].
+
+    An arm that can never do its task is singular where it is.
+
+    Args:
+        arm: The arm.
+        mode: As of `nearest_on_way`.
+        way: As of `nearest_on_way`.
+        progress: As of `nearest_on_way`.
+        proven: As of `nearest_on_way`.
+    """
     if impossible(arm, mode):
         q = way[0, 0]
-        return NearestSingular(arm, mode, q, False, q, 0.0, 0.0)
+        return NearestSingular(arm, mode, q, False, q, 0.0, 0.0), 0.0
     minors = polynomials.proving_minors(arm, mode) if proven else ()
-    with suppress(NoSolutionError):
-        return nearest_singular(arm, mode, way, minors=minors, progress=progress)
-    return None
+    return search_and_proof(arm, mode, way, minors=minors, progress=progress)

@@ -68,7 +68,7 @@ def test_far_away_no_part_says_that_it_is_farther(tmp_path):
     assert np.radians(74.9) < found.distance_proven <= found.distance < np.radians(75.1)
     hint = sa.singularity(arm.at(q))
     assert hint.distance > 5.0 * found.distance
-    assert hint.verdict == "regular: no singular posture is near, to first order"
+    assert "first-order estimate is above 90°" in hint.verdict
     assert sa.evaluate(arm, q[None], ["distance"])["distance"][0] == same(hint.distance)
 
     motion = sa.plan(arm.at(q), sa.Joints(q + 0.02))

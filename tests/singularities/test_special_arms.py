@@ -1,0 +1,105 @@
+"""Nearest singular postures of arms of special build, against a search that shares nothing."""
+
+import numpy as np
+import pytest
+from helpers.arms import chosen
+from special_arms import Judge, judged, special_build
+
+import spacearm as sa
+from spacearm.singularities import nearest
+from spacearm.singularities.nearest import NearestSearch, nearest_singular
+
+#: Arms whose sigma_min is less than 3e-5 of the largest singular value everywhere: axes are
+#: parallel or cross without offset, and the spacecraft is heavy.
+SMALL = (60, 2191)
+
+
+@pytest.mark.parametrize("seed", SMALL)
+def test_a_tiny_sigma_min_hides_no_singular_posture(seed):
+    """Rounding then moves the set by more than 1e-8 rad, and the ends of descents count all the
+    same."""
+    rng = chosen(seed)
+    build = special_build(rng)
+    arm = build.loaded()
+    q = rng.uniform(-np.pi, np.pi, (2, build.n))[1]
+    report = sa.singularity(arm.at(q), exact=True)
+    assert report.condition > 1e4
+    judge = Judge(build, q, rng)
+    distance, _ = judge.nearest()
+    assert report.distance <= distance * (1.0 + 1e-6)
+    assert report.distance_proven <= distance
+    assert judge.on_set((report.nearest - q)[None])[0]
+
+
+def test_where_no_singular_posture_exists_the_proof_says_so_and_the_estimate_does_not_count():
+    """To first order one is 7.7 degrees away; det(J*) keeps its sign everywhere."""
+    rng = chosen(2252)
+    build = special_build(rng)
+    arm = build.loaded()
+    q = rng.uniform(-np.pi, np.pi, (2, build.n))[0]
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (5000, 3))
+    det = np.linalg.det(build.jacobians(Q))
+    assert (np.sign(det) == np.sign(det[0])).all()
+    assert sa.singularity(arm.at(q)).distance < 0.2
+    report = sa.singularity(arm.at(q), exact=True)
+    assert report.searched
+    assert report.nearest is None
+    assert report.distance >= report.distance_proven > 0.9
+    assert "found no singular posture; none within 57.2°, proven" in report.verdict
+    with pytest.raises(sa.NoSolutionError, match=r"none is within 57\.2°: proven"):
+        sa.singular_set(arm).nearest(q)
+
+
+def test_a_search_without_a_result_never_says_that_none_is_near(monkeypatch):
+    monkeypatch.setattr(NearestSearch, "nearest", lambda *_: None)
+    cfg = sa.load("mda6").at(np.full(6, 0.5))
+    estimate = sa.singularity(cfg).distance
+    monkeypatch.setattr(nearest, "most_boxes", lambda _: 0)
+    report = sa.singularity(cfg, exact=True)
+    assert report.nearest is None
+    assert report.searched
+    assert report.distance == estimate
+    assert report.distance_proven == 0.0
+    assert "found no singular posture; one may be missed" in report.verdict
+
+
+def test_where_the_search_finds_none_the_proof_stops_beside_one_and_finds_it(monkeypatch):
+    arm = sa.load("mda6")
+    q = np.full(6, 0.5)
+    found = sa.singular_set(arm).nearest(q)
+    assert found.distance < nearest.WITHOUT
+    monkeypatch.setattr(NearestSearch, "nearest", lambda *_: None)
+    again = sa.singular_set(arm).nearest(q)
+    assert again.distance == pytest.approx(found.distance, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["planar2", "mda6", "chaser7"])
+def test_the_nearest_found_is_no_farther_than_the_descent_along_the_gradient(name, monkeypatch):
+    """Also without any other start."""
+    arm = sa.load(name)
+    monkeypatch.setattr(nearest, "_ball", lambda *_: np.full((1, arm.n), 2.5))
+    for q in np.random.default_rng(1).uniform(-np.pi, np.pi, (5, arm.n)):
+        search = NearestSearch(arm, "free-floating", q[None])
+        end = search.onto(np.zeros((1, arm.n)), nearest.DESCENT)
+        if search.on_set(end)[0]:
+            found = nearest_singular(arm, "free-floating", q[None, None])
+            assert found.distance <= np.linalg.norm(end) * (1.0 + 1e-9)
+
+
+def test_roots_on_lines_through_the_posture_are_starts(monkeypatch):
+    """Without random starts and descents those of S along the joints are found."""
+    arm = sa.load("mda6")
+    monkeypatch.setattr(nearest, "_ball", lambda *_: np.full((1, arm.n), 2.5))
+    q = np.array([0.3, 0.8, -0.9, 0.4, 1.0, 0.2])
+    S = sa.singularity_polynomial(arm)
+    along = np.concatenate([S.roots(q, j).angles - q[j] for j in range(5)])
+    least = np.abs(np.angle(np.exp(1j * along))).min()
+    assert sa.singular_set(arm).nearest(q).distance <= least * (1.0 + 1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, 40, 10))
+def test_special_arms_have_no_nearer_singular_posture_than_the_one_found(first):
+    cases = [case for seed in range(first, first + 10) for case in judged(seed, 1)]
+    assert len(cases) > 5
+    assert [case for case in cases if case.fault] == []
