@@ -85,6 +85,7 @@ def compute_workspace(
 @opt.answering("risk")
 def compute_risk(
     arm: sa.SpaceArm,
+    mode: opt.Mode = "free-floating",
     limits: opt.Limits = False,
     near: Annotated[
         float | None,
@@ -99,12 +100,12 @@ def compute_risk(
     seed: Annotated[int, typer.Option(help="Seed of the sample.")] = 0,
     deg: bool = False,
 ) -> Answer:
-    """Estimate the share of postures near a singularity."""
+    """Estimate the share of postures for which a search finds a singular posture nearby."""
     profile, code = kept(
         "sampling",
         lambda progress: sa.risk_profile(
-            arm, limits=limits, distance=opt.radians(near, deg, None), bins=bins, samples=samples,
-            seed=seed, progress=progress,
+            arm, mode=mode, limits=limits, distance=opt.radians(near, deg, None), bins=bins,
+            samples=samples, seed=seed, progress=progress,
         ),
     )  # fmt: skip
     return Answer(profile, code)
@@ -132,7 +133,7 @@ def sweep_designs(
     with working("designs") as progress:
         result = workspaces(
             arm, grid, mode=mode, limits=limits, effort=effort,
-            risk_bins=int(mode == "free-floating"), progress=progress,
+            risk_bins=1, progress=progress,
         )  # fmt: skip
     done, of = int(result["done"].sum()), result["done"].size
     if done < of:
@@ -155,7 +156,7 @@ class Designs(Described):
         """Return a table of the designs that are done."""
         found, rows = self.found, []
         near = [
-            ("near_share", "within 5° of a singular posture, to first order"),
+            ("near_share", "within 5° of a singular posture"),
             ("near_error", "standard error"),
         ] * ("near_share" in found)
         shares = [("fraction", "path independent"), *near]

@@ -187,7 +187,7 @@ def distance(
 
 def nearest(
     xp: Any, tree: Structure, p: Parameters, *, q: Any, fading: Any, radians: Any, between: Any,
-    rest: Any, most: int,
+    rest: Any, most: int, begin: Any = None,
 ) -> Any:  # fmt: skip
     """Compute the distance to the singular set to first order, and the point nearest on it.
 
@@ -204,6 +204,7 @@ def nearest(
         between: (2,) distances to first order between which the point is wanted [rad].
         rest: It is found where the last step is no longer than this [rad].
         most: Most steps.
+        begin: (n,) offset in radians at which the steps begin; at q itself if None.
 
     Returns:
         (2 + n,) the distance, the length of the last step, and the offset X of the point from q in
@@ -227,7 +228,7 @@ def nearest(
         return there - share * (there - before), there, way, turns + 1.0, far, moved, goes
 
     zero = 0.0 * q
-    begun = (zero, zero, zero, zero[0], zero[0], zero[0])
+    begun = (zero if begin is None else begin, zero, zero, zero[0], zero[0], zero[0])
     X, _, _, _, far, moved = xp.while_any(step, *begun, most=most)
     wanted = xp.logical_and(far > between[0], far < between[1])
     far = xp.where(wanted, xp.sqrt((X * X).sum()), far)

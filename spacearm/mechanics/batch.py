@@ -233,7 +233,7 @@ def evaluate(
 
     def compute(rows: Rows, places: Mapping[str, Array | None]) -> dict[str, Array]:
         written = [places[name] for name in own]
-        found = dict(zip(own, _measured(arm, rows["q"], own, many=m, out=written), strict=True))
+        found = dict(zip(own, measured(arm, rows["q"], own, many=m, out=written), strict=True))
         near = () if len(own) == len(results) else distances(arm, rows["q"], many=m)
         return found | dict(zip(NEARNESS, near, strict=False))
 
@@ -243,10 +243,10 @@ def evaluate(
 
 def conditions(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
     """Compute the condition numbers (m,) of the task Jacobian at Q (m, n) in a mode."""
-    return np.asarray(_measured(arm, Q, ("condition",), mode)[0])
+    return np.asarray(measured(arm, Q, ("condition",), mode)[0])
 
 
-def _measured(
+def measured(
     arm: SpaceArm,
     Q: Array,
     names: tuple[str, ...],

@@ -296,8 +296,8 @@ def _workspaces(section: Section, arm: SpaceArm, about: str) -> None:
 def _risk(section: Section, arm: SpaceArm, about: str) -> None:
     profile = risk_profile(arm, limits=True, samples=SAMPLES)
     section.say(
-        "The share of postures within the joint limits that are, to first order, within 5° of a "
-        "singular one, by the distance of the tip from the system CM."
+        "The share of postures within the joint limits for which a search finds a singular posture "
+        "within 5°, by the distance of the tip from the system CM."
     )
     section.picture(
         plot(profile),

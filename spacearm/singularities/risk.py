@@ -20,22 +20,41 @@ from spacearm.arrays import (
     NO_NUMBERS,
     Array,
     ArrayLike,
+    Booleans,
+    Integers,
     Progress,
     floats,
     generator,
+    plain,
     whole,
     within,
 )
+from spacearm.equations.measures import nearest
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
-from spacearm.mechanics.batch import evaluate
-from spacearm.model.arguments import FLOATING, require_possible
+from spacearm.mechanics.arm_kernels import WIDE, ArmKernel, worth_compiling
+from spacearm.mechanics.batch import Rows, fill, measured, tips_from_centre
+from spacearm.mechanics.distance import FADING, distances
+from spacearm.model.arguments import FLOATING, BaseMode, impossible, require_possible
 from spacearm.model.arm import SpaceArm
+from spacearm.model.joints import joint_scales
 from spacearm.processes import check_memory
 from spacearm.results import Column, Description, Measure, Result, Table
 from spacearm.signatures import checked, shown
+from spacearm.singularities.nearest import local_offsets
 
 #: Default distance to the singular set up to which a configuration is near a singularity [rad].
 NEAR = float(np.radians(5.0))
+#: How many times that the first-order estimate may be where the distance is searched.
+LOOKED = 3.0
+#: Places about a configuration from which the search begins too.
+BESIDE = 8
+#: Steps of a descent at most, and the last one [rad].
+STEPS, AT_REST = 60, 1e-7
+#: What the shares are, in a sentence.
+SEARCHED = (
+    "found by search: a singular posture that the search misses makes the share too small; the "
+    "standard error is that of the sample alone"
+)
 #: Number of configurations drawn at once.
 BLOCK = 1_000_000
 #: Numbers that are kept of each sample besides its joints.
@@ -45,13 +64,18 @@ MEASURED = 8
 class RiskProfile(Result):
     """The share of configurations near a singularity, over the distance of the tip from the CM.
 
-    Configurations are uniform in joint space (within the joint limits if these count).
+    Configurations are uniform in joint space (within the joint limits if these count). Distances
+    are searched, see `risk_profile`: what the search misses makes shares too small.
 
     Attributes:
         edges: (bins + 1,) edges of the distance classes [m].
         count: (bins,) configurations in each class.
         share: (bins,) share of them near a singularity; NaN where there are none.
-        error: (bins,) standard error of the share.
+        error: (bins,) standard error of the share, of the sample alone.
+        kinematic: (bins,) the part of the share that is near a singular configuration of the arm on
+            a fixed spacecraft too, by the same distance; the rest is dynamic. NaN where near is
+            said by sigma_min.
+        mode: What the spacecraft does.
         measure: "sigma_min" or "distance".
         bound: Value of the measure up to which a configuration counts as near.
         unit: Its unit.
@@ -61,6 +85,8 @@ class RiskProfile(Result):
     count: Array
     share: Array
     error: Array
+    kinematic: Array
+    mode: BaseMode
     measure: str
     bound: float
     unit: str
@@ -76,20 +102,44 @@ class RiskProfile(Result):
 
     @property
     def overall(self) -> float:
-        """Share of the configurations of all classes near a singularity."""
-        return float(np.nansum(self.count * self.share) / self.count.sum())
+        """Share of the configurations of all classes near a singularity; NaN if there are none."""
+        return self._mean(self.share)
 
     @property
     def overall_error(self) -> float:
-        """Standard error of `overall`."""
-        return float(np.sqrt(self.overall * (1.0 - self.overall) / self.count.sum()))
+        """Standard error of `overall`, of the sample alone."""
+        return float(np.sqrt(self.overall * (1.0 - self.overall) / (self.count.sum() or np.nan)))
+
+    @property
+    def overall_kinematic(self) -> float:
+        """The part of `overall` that is near a singularity on a fixed spacecraft too."""
+        return self._mean(self.kinematic)
+
+    @property
+    def overall_dynamic(self) -> float:
+        """The rest of `overall`."""
+        return self.overall - self.overall_kinematic
+
+    def _mean(self, share: Array) -> float:
+        filled = self.count > 0.0
+        total = float(self.count.sum()) or np.nan
+        return float((self.count * share)[filled].sum() / total)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain data, with the shares of all classes."""
+        names = ("overall", "overall_error", "overall_kinematic", "overall_dynamic")
+        return {**super().to_dict(), **{name: plain(getattr(self, name)) for name in names}}
 
     def describe(self) -> Description:
         """Describe the share of each distance class."""
         verdict = "no configuration in any class"
         if self.count.any():
             peak = int(np.nanargmax(self.share))
-            verdict = f"at most {self.share[peak]:.1%} at R = {self.radius[peak]:.3g} m"
+            verdict = (
+                f"{self.overall:.2%} of all, standard error {self.overall_error:.2%}; "
+                f"at most {self.share[peak]:.1%} at R = {self.radius[peak]:.3g} m"
+            )
+        notes = ["R: distance of the tip from the system CM"]
         classes = {
             Column("R from", "m", ".4f"): self.edges[:-1],
             Column("to", "m", ".4f"): self.edges[1:],
@@ -97,10 +147,19 @@ class RiskProfile(Result):
             Column("standard error", "", ".1%"): self.error,
             Column("postures", "", ",.0f"): self.count,
         }
+        if self.measure == "distance":
+            notes.append(SEARCHED)
+            if self.count.any():
+                notes.insert(
+                    0,
+                    f"dynamic {self.overall_dynamic:.2%}, kinematic {self.overall_kinematic:.2%}: "
+                    "near a singular posture of the arm on a fixed spacecraft too",
+                )
+            classes[Column("of it kinematic", "", ".1%")] = self.kinematic
         return Description(
-            title=f"share of {self.count.sum():,.0f} postures {nearness(self)}",
+            title=f"{self.mode}, share of {self.count.sum():,.0f} postures {nearness(self)}",
             verdict=verdict,
-            notes=["R: distance of the tip from the system CM"],
+            notes=notes,
             tables=[Table.by_columns(classes)],
         )
 
@@ -109,6 +168,7 @@ class RiskProfile(Result):
 def risk_profile(
     arm: SpaceArm,
     *,
+    mode: BaseMode = FLOATING,
     limits: bool = False,
     sigma_min: float | None = None,
     distance: float | None = None,
@@ -120,15 +180,19 @@ def risk_profile(
 ) -> RiskProfile:
     """Estimate the share of configurations near a singularity, by distance of the tip from the CM.
 
-    The spacecraft is free-floating.
+    A configuration is near if a search finds a singular one within `distance`. Those whose
+    first-order estimate is up to `LOOKED` times that are searched, from themselves and from places
+    beside them. What the search misses makes the share too small; the standard error is that of the
+    sample alone.
 
     Args:
         arm: Any arm.
+        mode: What the spacecraft does; see `generalized_jacobian`.
         limits: Whether configurations are drawn within the joint limits; else from the full turn.
             Prismatic joints are always drawn within their limits.
         sigma_min: Least singular value up to which a configuration is near, instead of `distance`.
-        distance: Distance to the singular set up to which a configuration is near [rad], to first
-            order as in `singularity`; 5 degrees if neither is given.
+        distance: Distance to the singular set up to which a configuration is near [rad]; 5 degrees
+            if neither is given.
         bins: Number of distance classes between the least and the largest distance drawn, or their
             edges [m], increasing; distances outside the edges are not counted.
         samples: Number of configurations.
@@ -153,29 +217,121 @@ def risk_profile(
     edges = None if isinstance(bins, Integral) else _edges(bins)
     least = whole(bins, "bins", 1) if edges is None else 1
     samples = whole(samples, "samples", least)
+    measure, bound, unit = _near(arm, mode, sigma_min, distance)
     Q = uniform(arm, limits, samples, generator(seed))
-    measure, bound, unit = _near(arm, sigma_min, distance)
-    values = {name: np.full(samples, np.nan) for name in (measure, "radius")}
+    values = {name: np.full(samples, np.nan) for name in (measure, "radius", "fixed")}
     stopped = False
     try:
-        evaluate(arm, Q, tuple(values), out=values, threads=threads, progress=progress)
+        _measure(arm, mode, Q, bound, values, threads, progress)
     except KeyboardInterrupt:
         stopped = True
     done = ~np.isnan(values[measure]) & ~np.isnan(values["radius"])
     if stopped and not done.any():
         raise KeyboardInterrupt
-    value, R = values[measure][done], values["radius"][done]
+    near, R = values[measure][done] <= bound, values["radius"][done]
     if edges is None:
         edges = np.linspace(R.min(), R.max(), least + 1)
     count = np.histogram(R, edges)[0].astype(np.float64)
-    near = np.histogram(R[value <= bound], edges)[0]
+    fixed = near & (values["fixed"][done] <= bound)
     with np.errstate(invalid="ignore", divide="ignore"):
-        share = near / count
+        share = np.histogram(R[near], edges)[0] / count
         error = np.sqrt(share * (1.0 - share) / count)
-    profile = RiskProfile(edges, count, share, error, measure, bound, unit)
+        kinematic = np.histogram(R[fixed], edges)[0] / count
+    if measure == "sigma_min":
+        kinematic = np.full_like(share, np.nan)
+    profile = RiskProfile(edges, count, share, error, kinematic, mode, measure, bound, unit)
     if stopped:
         raise StoppedError(f"{len(R):,} of {samples:,} postures done", profile)
     return profile
+
+
+def _measure(
+    arm: SpaceArm,
+    mode: BaseMode,
+    Q: Array,
+    bound: float,
+    values: dict[str, Array],
+    threads: int | None,
+    progress: Progress | None,
+) -> None:
+    """Measure configurations Q (m, n), block by block.
+
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+        Q: The configurations.
+        bound: Up to which value of the measure they are near.
+        values: Arrays (m,) to write to: "sigma_min" or "distance", "radius", and "fixed", the
+            distance of those that are near to the nearest singular configuration with the
+            spacecraft fixed.
+        threads: Number of threads.
+        progress: Called as progress(done, m).
+    """
+    arm.require_one_tip()
+    many = len(Q)
+
+    def compute(rows: Rows, _: Mapping[str, Array | None]) -> dict[str, Array]:
+        q = rows["q"]
+        found = {"radius": np.linalg.norm(tips_from_centre(arm, q, mode), axis=1)}
+        found["fixed"] = np.full(len(q), np.inf)
+        if "sigma_min" in values:
+            return found | {"sigma_min": measured(arm, q, ("sigma_min",), mode, many=many)[0]}
+        found["distance"] = distances_near(arm, mode, q, bound, many)
+        near = np.flatnonzero(found["distance"] <= bound)
+        if mode == "fixed":
+            found["fixed"] = found["distance"]
+        elif near.size:
+            found["fixed"][near] = distances_near(arm, "fixed", q[near], bound, many)
+        return found
+
+    fill(values, {"q": Q}, compute, threads, progress)
+
+
+def distances_near(arm: SpaceArm, mode: BaseMode, Q: Array, bound: float, many: int) -> Array:
+    """Return the distances (m,) to the singular set of configurations Q (m, n) [rad].
+
+    They are searched where the first-order estimate is up to `LOOKED` times a bound, and estimates
+    elsewhere. Descents begin at each configuration and, unless one ends within the bound, at
+    `BESIDE` places as far from it as the best of them has come, in ways that are the same for all.
+    Zeros where J* has lost rank everywhere.
+
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+        Q: The configurations, a block of `many`.
+        bound: The bound [rad].
+        many: How many there are in all.
+    """
+    if impossible(arm, mode):
+        return np.zeros(len(Q))
+    found, _ = distances(arm, Q, mode, many=many)
+    left = np.flatnonzero(found <= LOOKED * bound)
+    if not left.size:
+        return found
+    if not worth_compiling(many):
+        far = np.linalg.norm(local_offsets(arm, mode, Q[left]), axis=1)
+        found[left] = np.where(np.isnan(far), np.inf, far)
+        return found
+    kernel = ArmKernel([arm], mode, nearest, {"most": STEPS}, lanes=WIDE, rows=many)
+    numbers = {"fading": FADING, "radians": joint_scales(arm), "rest": AT_REST}
+    numbers["between"] = np.array([0.0, np.inf])
+
+    def descended(rows: Integers, begin: Array) -> tuple[Array, Booleans]:
+        result = kernel({"q": Q[rows], "begin": begin}, numbers)
+        ended = (result[:, 1] <= AT_REST) & np.isfinite(result[:, 0])
+        return np.where(ended, result[:, 0], np.inf), ended
+
+    first, ended = descended(left, np.zeros((len(left), arm.n)))
+    further = np.linalg.norm(local_offsets(arm, mode, Q[left[~ended]]), axis=1)
+    first[~ended] = np.where(np.isnan(further), np.inf, further)
+    found[left] = first
+    ways = np.random.Generator(np.random.PCG64(0)).normal(size=(BESIDE, arm.n))
+    for way in ways / np.linalg.norm(ways, axis=1)[:, None]:
+        left = left[(found[left] > bound) & (found[left] <= LOOKED * bound)]
+        if left.size:
+            again, _ = descended(left, found[left][:, None] * way)
+            found[left] = np.minimum(found[left], again)
+    return found
 
 
 def _edges(bins: object) -> Array:
@@ -279,9 +435,11 @@ def pose_risk(
             f"{poses} poses with {neighbours} neighbours out of {samples} samples; give no fewer "
             "samples than either"
         )
+    measure, bound, unit = _near(arm, FLOATING, sigma_min, distance)
     Q = uniform(arm, limits, samples, generator(seed))
-    measure, bound, unit = _near(arm, sigma_min, distance)
-    value = evaluate(arm, Q, (measure,))[measure]
+    values = {name: np.full(samples, np.nan) for name in (measure, "radius", "fixed")}
+    _measure(arm, FLOATING, Q, bound, values, None, None)
+    value = values[measure]
     at = reactions(arm, Q)
     centres = -np.einsum("mij,mi->mj", at.R, at.r)  # tip axes
     apart: Any
@@ -292,9 +450,11 @@ def pose_risk(
     return PoseRisk(centres[:poses], share, apart[:, -1], measure, bound, unit)
 
 
-def _near(arm: SpaceArm, sigma_min: float | None, distance: float | None) -> tuple[str, float, str]:
+def _near(
+    arm: SpaceArm, mode: BaseMode, sigma_min: float | None, distance: float | None
+) -> tuple[str, float, str]:
     """Return what measures whether a configuration is near, up to which value, and its unit."""
-    require_possible(arm, FLOATING)
+    require_possible(arm, mode)
     if sigma_min is not None and distance is not None:
         raise ConfigurationError(
             f"sigma_min is {sigma_min} and distance {distance}; give only one of them to say what "
@@ -339,5 +499,5 @@ def uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Ar
 def nearness(risk: RiskProfile | PoseRisk) -> str:
     """Return which postures count as near a singularity, in words."""
     if risk.measure == "distance":
-        return f"within {np.degrees(risk.bound):.3g}° of a singular posture, to first order"
+        return f"within {np.degrees(risk.bound):.3g}° of a singular posture"
     return f"with sigma_min up to {risk.bound:.3g} {risk.unit}"

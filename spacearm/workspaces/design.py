@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import NO_NUMBERS, ArrayLike, Progress, counted, finite, floats, named, whole
-from spacearm.errors import ConfigurationError, UnsupportedError, require_known, unknown
+from spacearm.errors import ConfigurationError, require_known, unknown
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.signatures import checked, shown
@@ -170,22 +170,21 @@ def workspaces(
         limits: See `workspace`.
         effort: See `workspace`.
         risk_bins: Classes of the risk profile, from the least to the largest distance of each
-            design; no profile if 0. For free-floating spacecraft only. It tells designs apart
-            whose workspaces are path dependent everywhere.
+            design; no profile if 0. It tells designs apart whose workspaces are path dependent
+            everywhere.
         progress: Called as progress(done, total) after each design.
 
     Returns:
         Labelled arrays over the parameters: `piw` and `reachable` (volumes [m^3], areas [m^2] for
         planar arms), `fraction` (path independent share), `pdw` (shell, bound: radii [m], NaN
         where there are fewer shells), `done`. With `risk_bins` also `risk` (class) and
-        `near_share` (share of all postures within 5 degrees of a singular one, to first order)
+        `near_share` (share of all postures within 5 degrees of a singular one, found by search)
         with its standard error, `near_error`. After Ctrl-C the designs done so far are returned;
         `done` marks them.
 
     Raises:
         ConfigurationError: A parameter does not exist or has no values.
-        UnsupportedError: The arm has no shells (see `workspace`), or risk profiles are asked for of
-            a spacecraft that does not float.
+        UnsupportedError: The arm has no shells (see `workspace`).
 
     Example:
         >>> import spacearm as sa
@@ -203,11 +202,6 @@ def workspaces(
     if not axes or any(values.size == 0 or values.ndim != 1 for values in axes.values()):
         raise ConfigurationError(
             f"parameters are {shown(dict(parameters))}; give numbers for one or more"
-        )
-    if risk_bins and mode != "free-floating":
-        raise UnsupportedError(
-            f"risk_bins is {risk_bins}; risk profiles are for free-floating spacecraft, "
-            f"not {mode!r}"
         )
     shape = tuple(len(values) for values in axes.values())
     whole(math.prod(shape) * max(risk_bins, 1), "number of designs, times risk_bins", 1, MOST)
@@ -227,7 +221,7 @@ def workspaces(
             for name, value in found.items():
                 numbers[name][at] = value
             if risk_bins:
-                profile = risk_profile(varied, limits=limits, bins=risk_bins)
+                profile = risk_profile(varied, mode=mode, limits=limits, bins=risk_bins)
                 risk[at] = profile.share
                 near[at] = profile.overall, profile.overall_error
             done[at] = True

@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, ArrayLike, finite, generator, plain, shape_of, whole
-from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
+from spacearm.errors import ConfigurationError, StoppedError
 from spacearm.mechanics.batch import tips_from_centre
 from spacearm.model.arguments import FLOATING, BaseMode, require_possible
 from spacearm.model.arm import Configuration, SpaceArm
@@ -296,15 +296,8 @@ class Workspace(Result):
 
         Args:
             **options: Options of `risk_profile`.
-
-        Raises:
-            UnsupportedError: The spacecraft does not float freely.
         """
-        if self.mode != "free-floating":
-            raise UnsupportedError(
-                f"risk profiles are for free-floating spacecraft, not {self.mode!r} ones"
-            )
-        return risk_profile(self.arm, limits=self.limits, **options)
+        return risk_profile(self.arm, mode=self.mode, limits=self.limits, **options)
 
     def to_dict(self) -> dict[str, Any]:
         """Return fields, `fraction` and `volumes` as plain JSON data, those of a plane as `areas`.

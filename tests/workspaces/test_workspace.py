@@ -494,12 +494,15 @@ def test_bad_risk(options, error):
         sa.risk_profile(sa.load("planar2"), **options)
 
 
-def test_risks_are_those_of_a_floating_spacecraft():
+def test_risks_are_those_of_the_mode():
     held = sa.workspace(sa.load("planar2"), mode="fixed")
-    with pytest.raises(sa.UnsupportedError, match=r"free-floating .* not 'fixed'"):
-        held.profile()
-    with pytest.raises(sa.UnsupportedError, match=r"free-floating .* not 'fixed'"):
-        sa.design.workspaces(held.arm, {"base_inertia": [1.0]}, mode="fixed", risk_bins=4)
+    profile = held.profile(samples=2000, bins=4)
+    assert profile.mode == "fixed"
+    designs = sa.design.workspaces(held.arm, {"base_inertia": [1.0]}, mode="fixed", risk_bins=4)
+    share = float(designs["near_share"][0])
+    assert share == pytest.approx(profile.overall, abs=6.0 * profile.overall_error)
+    floating = sa.risk_profile(held.arm, samples=2000, bins=4)
+    assert floating.overall_kinematic < profile.overall
 
 
 def test_the_centre_seen_from_the_tip_is_that_of_the_configurations():
