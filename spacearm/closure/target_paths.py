@@ -21,17 +21,21 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.closure.closing import Closure, Gaps, carried, closed_motions
-from spacearm.closure.held_report import closed_distances
+from spacearm.closure.held_report import closed_distances, nearest_closed
 from spacearm.description.tree import Tree, free_name
 from spacearm.errors import UnsupportedError, require_known
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.mechanics.target import Target
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
+from spacearm.model.joints import joint_scales
 from spacearm.motion import following
 from spacearm.motion import goal as goals
 from spacearm.motion.motion_file import Quantity
 from spacearm.results import Cell, Description, Measure, Table
+
+#: How many times the distance along closure the first-order estimate may be.
+TOO_LONG = 10.0
 
 
 def with_target(
@@ -111,12 +115,28 @@ class Carrying:
         cfg = kinematics(self.free, q, pin.SE3.Identity())
         return self._closure.solved(q, self.frame(cfg))[0]
 
-    def distance(self, cfg: Configuration, mode: BaseMode) -> float:
-        """Return how far a singular posture is along closure, to first order [rad]."""
+    def distance(self, cfg: Configuration, mode: BaseMode, within: float = 0.0) -> float:
+        """Return how far a singular posture is along closure [rad].
+
+        To first order; if that is up to `TOO_LONG` times `within`, the nearest one is searched too,
+        and the smaller of both distances is returned.
+
+        Args:
+            cfg: The configuration.
+            mode: What the spacecraft does.
+            within: Distance that matters [rad].
+        """
         hands = kinematics(self.free, cfg.q.copy(), cfg.base)
         held = self.target.replace(pose=self.frame(cfg))
         closed = closed_motions(hands, held, mode)
-        return float(closed_distances(hands, closed, mode).distances[-1])
+        estimate = float(closed_distances(hands, closed, mode).distances[-1])
+        if not within or estimate > TOO_LONG * within:
+            return estimate
+        found = nearest_closed(hands, held, self._closure, mode)
+        if found is None:
+            return estimate
+        way = (found - hands.q) / joint_scales(self.free)
+        return min(estimate, float(np.linalg.norm(way)))
 
     @property
     def touching(self) -> list[frozenset[str]]:
@@ -126,9 +146,11 @@ class Carrying:
         holding = {link for link in tree.links if tree.body_of[link] in hands}
         return [frozenset((a, b)) for a in self._parts for b in holding - self._parts]
 
-    def told(self, mode: BaseMode, rows: Sequence[Configuration]) -> dict[str, Any]:
+    def told(
+        self, mode: BaseMode, rows: Sequence[Configuration], within: float = 0.0
+    ) -> dict[str, Any]:
         """Return what rows tell of closure along a motion, by the fields of `FollowedTarget`."""
-        near = np.array([self.distance(cfg, mode) for cfg in rows])
+        near = np.array([self.distance(cfg, mode, within) for cfg in rows])
         return {"closure_distance": near, **self.account(rows)}
 
     def account(self, rows: Sequence[Configuration]) -> dict[str, Any]:
@@ -163,8 +185,8 @@ class FollowedTarget(following.Followed, kw_only=True):
         target: (m, 7) poses of the target: position [m], quaternion xyzw, inertial frame.
         gap: (m,) largest distance of a tip from its grasp [m].
         gap_angle: (m,) largest angle between them [rad].
-        closure_distance: (m,) how far the nearest singular posture along closure is, to first
-            order [rad].
+        closure_distance: (m,) how far the nearest singular posture along closure is [rad]: to first
+            order, and of plans with a search wherever the clearance is in doubt.
     """
 
     target: Array

@@ -131,3 +131,20 @@ def test_what_stops_a_search_is_told():
     assert not list(tree.landed(0))
     assert "1 turned the spacecraft too far. To relax: allow a larger keep_attitude" in tree.story
     assert "the nearest leaves 100 % of the way" in tree.story
+
+
+def test_plans_keep_clear_of_the_singular_posture_that_a_search_finds():
+    """Here the first-order estimate, 29.6 degrees, is 1.28 times the distance of the posture found."""
+    arm = sa.load("dual_ur5", tip=["left", "right"])
+    start = arm.at([0.4, -1, 1.5, 0.3, 0.5, 0] * 2)
+    box = sa.Target(sa.Bus(90, size=(0.4, 0.4, 0.4)), start.tips[0] * sa.pose((0, 0, 0.3)))
+    sides = {"left": sa.pose((0, 0, -0.2)), "right": sa.pose((0, 0, 0.2), (3.1416, 0, 0))}
+    held = sa.hold(arm.at(start.q + chosen(12).uniform(-1, 1, 12)), box, sides, seed=12)
+    report = held.report()
+    found = held.carrying.distance(held.carrying.start, "free-floating", np.inf)
+    clearance = 0.5 * (found + report.distance)
+    assert found < 0.8 * report.distance
+    assert held.carrying.distance(held.carrying.start, "free-floating") == report.distance
+    near = held.target.pose * sa.pose((0.01, 0, 0))
+    with pytest.raises(sa.NoSolutionError, match=r"23\.1° along closure from the start"):
+        held.plan(near, constraints=sa.Constraints(clearance=clearance))

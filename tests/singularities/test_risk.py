@@ -77,7 +77,7 @@ def test_a_heavier_bus_makes_near_postures_kinematic_not_fewer(name):
         "heavy": sa.risk_profile(heavy, samples=4000, bins=1),
         "fixed": sa.risk_profile(arm, mode="fixed", samples=4000, bins=1),
     }
-    assert profiles["heavy"].overall_dynamic <= 0.05 * profiles["light"].overall_dynamic
+    assert profiles["heavy"].overall_dynamic <= 0.05 * profiles["light"].overall_dynamic + 5e-4
     assert profiles["heavy"].overall == pytest.approx(profiles["fixed"].overall, abs=2e-3)
     spread = 5.0 * profiles["fixed"].overall_error
     assert profiles["light"].overall == pytest.approx(profiles["fixed"].overall, abs=spread)
