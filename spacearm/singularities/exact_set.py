@@ -17,6 +17,7 @@ import numpy as np
 from spacearm.arrays import Array, ArrayLike, Booleans, Progress, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import conditions
+from spacearm.mechanics.distance import AT_A_ROOT
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
@@ -29,7 +30,6 @@ from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.polynomial.univariate import Roots, distinct, line_roots
 from spacearm.signatures import checked
 from spacearm.singularities.abstract_set import Component, SingularSet, prove_free
-from spacearm.singularities.nearest import AT_A_ROOT
 from spacearm.singularities.polynomials import distances, radius_squared
 
 #: Values of a joint that S does not depend on, from which extremes of R are searched.

@@ -28,8 +28,7 @@ import scipy
 
 from spacearm.arrays import Array, Booleans, Progress
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.distance import Linearisation, linearise, project, rank_distances
-from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
+from spacearm.mechanics.distance import Linearisation, linearise, project
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales
@@ -661,63 +660,3 @@ def _apart(X: Array, merit: Array, most: int) -> Array:
         if len(chosen) == most:
             break
     return np.array(chosen).reshape(-1, X.shape[1])
-
-
-#: A matrix has lost rank if its least singular value is below this share of the largest norm of it
-#: met during the iteration.
-LOST = 1e-10
-#: sigma_min over sigma_max below which a root of the minors is a singular configuration.
-AT_A_ROOT = 1e-8
-#: Largest number of Gauss-Newton steps.
-RANK_STEPS = 60
-#: Longest step [rad, m].
-RANK_STRIDE = 0.3
-
-
-def lose_rank(
-    arm: SpaceArm, q: Array, mode: BaseMode, columns: tuple[int, ...] | None = None
-) -> Array | None:
-    """Find a configuration near q (n,) at which J* loses rank, or None.
-
-    Args:
-        arm: The arm.
-        q: (n,) start.
-        mode: What the spacecraft does.
-        columns: The columns of J* that count; all if None.
-    """
-    if columns == ():
-        return None
-    chosen = slice(None) if columns is None else list(columns)
-    most, found, before = 0.0, False, q
-    for _ in range(RANK_STEPS):
-        cfg = arm.at(q)
-        J = task_jacobian(cfg, mode=mode)[:, chosen]
-        dJ = task_jacobian_derivative(cfg, mode=mode)[:, :, chosen]
-        wide = J.shape[1] >= len(J)
-        near = rank_distances(J, dJ) if wide else rank_distances(J.T, dJ.swapaxes(1, 2))
-        most = max(most, float(np.linalg.norm(J)))
-        if found:  # a step further, to all digits
-            return q if near.sigma <= LOST * most else before
-        if np.isinf(near.distances[-1]):
-            return None
-        found, before = near.sigma <= LOST * most, q
-        q = q - min(float(near.distances[-1]), RANK_STRIDE) * near.rows[0]
-    return None
-
-
-def is_singular(
-    arm: SpaceArm, q: Array, mode: BaseMode, columns: tuple[int, ...] | None = None
-) -> bool:
-    """Check whether J*, or some of its columns, have lost rank at a root of the minors q (n,).
-
-    Args:
-        arm: The arm.
-        q: (n,) a root of minors, accurate to some ten digits as a rule.
-        mode: What the spacecraft does.
-        columns: The columns of J* that count; all if None.
-    """
-    if columns == ():  # of a task of one row: no columns are never dependent
-        return False
-    J = task_jacobian(arm.at(q), mode=mode)
-    sigma = np.linalg.svd(J if columns is None else J[:, list(columns)], compute_uv=False)
-    return bool(sigma[-1] <= AT_A_ROOT * sigma[0])

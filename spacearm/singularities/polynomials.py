@@ -32,6 +32,7 @@ from spacearm.arrays import Array, Integers
 from spacearm.errors import UnsupportedError, listed
 from spacearm.mechanics import batch
 from spacearm.mechanics.batch import tips_from_centre
+from spacearm.mechanics.distance import is_singular, lose_rank
 from spacearm.mechanics.jacobian import plane_of_motion, probes, task_jacobian
 from spacearm.model.arguments import BaseMode, require_possible
 from spacearm.model.arm import SpaceArm
@@ -40,7 +41,6 @@ from spacearm.polynomial.triangle import Triangle, eliminate, find_triangle, sha
 from spacearm.polynomial.trig import Sampler, TrigPolynomial, degrees_of
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import SameSet
-from spacearm.singularities.nearest import is_singular, lose_rank
 
 #: Share of the arm's size below which distances are zero.
 ROUNDING = 1e-14

@@ -16,6 +16,7 @@ import numpy as np
 
 from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import NoSolutionError, UnsupportedError
+from spacearm.mechanics.distance import lose_rank
 from spacearm.model.arguments import BaseMode, impossible, require_possible
 from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.certificate import Certificate
@@ -26,7 +27,7 @@ from spacearm.signatures import checked
 from spacearm.singularities import polynomials
 from spacearm.singularities.abstract_set import SingularSet, path_rows, prove_clear, prove_free
 from spacearm.singularities.exact_set import ExactSet
-from spacearm.singularities.nearest import NearestSingular, lose_rank, search_and_proof
+from spacearm.singularities.nearest import NearestSingular, search_and_proof
 from spacearm.singularities.regularity import has_momenta, prove_by_momenta
 
 #: Starts after which a search ends, and how many more each one found is worth.

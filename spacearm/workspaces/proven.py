@@ -28,11 +28,11 @@ from typing import NamedTuple
 import numpy as np
 
 from spacearm.arrays import Array, Booleans, Integers
+from spacearm.mechanics.distance import is_singular
 from spacearm.polynomial.branch_and_bound import enclose
 from spacearm.polynomial.jets import Jet, Jets, stacked
 from spacearm.polynomial.trig import EPS
 from spacearm.singularities.exact_set import ExactSet
-from spacearm.singularities.nearest import is_singular
 from spacearm.singularities.polynomials import distances, minors_of, radius_squared
 from spacearm.workspaces.extent import Box, least_distance
 from spacearm.workspaces.shells import Shell, members, merged, without

@@ -134,7 +134,7 @@ def test_what_stops_a_search_is_told():
 
 
 def test_plans_keep_clear_of_the_singular_posture_that_a_search_finds():
-    """Here the first-order estimate, 29.6 degrees, is 1.28 times the distance of the posture found."""
+    """Here the first-order estimate, 29.6 degrees, is 1.28 times the distance found."""
     arm = sa.load("dual_ur5", tip=["left", "right"])
     start = arm.at([0.4, -1, 1.5, 0.3, 0.5, 0] * 2)
     box = sa.Target(sa.Bus(90, size=(0.4, 0.4, 0.4)), start.tips[0] * sa.pose((0, 0, 0.3)))

@@ -5,8 +5,8 @@ import pytest
 from helpers.arms import load_text, random_chain
 
 import spacearm as sa
+from spacearm.mechanics.distance import lose_rank
 from spacearm.model.joints import joint_scales
-from spacearm.singularities.nearest import lose_rank
 
 
 def nearest_found(plan, rng, starts=60):

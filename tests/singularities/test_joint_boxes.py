@@ -9,9 +9,9 @@ import tomllib
 from helpers.arms import chosen, load_text, random_chain
 
 import spacearm as sa
+from spacearm.mechanics.distance import is_singular
 from spacearm.polynomial.free_regions import Trial
 from spacearm.singularities import joint_boxes
-from spacearm.singularities.nearest import is_singular
 
 
 def inside(box, rng, m=4000):

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
+from spacearm.mechanics.distance import is_singular, lose_rank
 from spacearm.model.joints import joint_scales
-from spacearm.singularities.nearest import is_singular, lose_rank
 
 TASKS = {2: "x y", 3: "position", 4: "position"}
 

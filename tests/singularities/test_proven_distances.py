@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
+from spacearm.mechanics.distance import lose_rank
 from spacearm.model.joints import joint_scales
-from spacearm.singularities.nearest import lose_rank
 
 TASKS = {2: "x", 3: "position", 4: "position", 5: "position"}
 

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 import spacearm as sa
+from spacearm.mechanics.distance import is_singular, lose_rank
 from spacearm.model.joints import joint_scales
 from spacearm.polynomial.triangle import Triangle, find_triangle, share_root
 from spacearm.polynomial.tubes import straight
-from spacearm.singularities.nearest import is_singular, lose_rank
 from spacearm.singularities.polynomials import minors_of
 from spacearm.singularities.sets import prove_regular, prove_way
 

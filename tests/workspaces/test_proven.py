@@ -8,7 +8,7 @@ from helpers.arms import frame, joint, link, load_text, random_chain, robot, see
 from hypothesis import given, settings
 
 import spacearm as sa
-from spacearm.singularities.nearest import lose_rank
+from spacearm.mechanics.distance import lose_rank
 from spacearm.singularities.polynomials import distances
 
 
