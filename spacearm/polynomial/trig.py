@@ -88,9 +88,9 @@ def interpolants(sampler: Sampler, degrees: Integers) -> list[Complex]:
             f"{math.prod(shape):.3g} coefficients, of which {MOST_SAMPLES:.0e} at most are "
             "kept; lock joints"
         )
-    samples, components = math.prod(shape), degrees.shape[1]
-    need = samples * (NUMBER_BYTES * len(shape) + SAMPLE_BYTES * components)
-    what = f"a fit of {components:,} trigonometric polynomials, {samples:,} samples each,"
+    samples, functions = math.prod(shape), degrees.shape[1]
+    need = samples * (NUMBER_BYTES * len(shape) + SAMPLE_BYTES * functions)
+    what = f"a fit of {functions:,} trigonometric polynomials, {samples:,} samples each,"
     check_memory(need, what, "lock joints")
     axes = np.meshgrid(*(2.0 * np.pi * np.arange(s) / s for s in shape), indexing="ij")
     values = sampler(np.stack([axis.ravel() for axis in axes], axis=1))
