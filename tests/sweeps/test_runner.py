@@ -412,7 +412,7 @@ def test_plan_status_and_dry_run(study, study_file, whole, tmp_path):
         ("[1, 3]", "[1, nan]", sa.ConfigurationError, "numbers up to"),
         ("to = 6", "to = -6", sa.ConfigurationError, "increasing edges"),
         ("points = 50", "points = 0.5", sa.ConfigurationError, "whole number"),
-        ("points = 50", "points = 50_000_000", sa.ConfigurationError, "at most"),
+        ("points = 50", "points = 50_000_000", sa.ConfigurationError, "from 1 to 10,000,000"),
         ("joints.q1", "joints.q9", sa.ConfigurationError, "unknown joint"),
         ("joints.q1", "joints.q2", sa.ConfigurationError, "none twice"),
         ("[sigma_min]", "[sigma_min]\nheld.q1 = 0.2", sa.ConfigurationError, "not in"),
