@@ -76,7 +76,8 @@ COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" versi
 <library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="9">
 0 0 0 1 0 0 0 1 0</float_array><technique_common><accessor source="#a" count="3" stride="3">
 <param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
-</accessor></technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+</accessor>
+</technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
 {parts}</mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s">{nodes}
 </visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>
 """
