@@ -27,7 +27,7 @@ from spacearm.model.arm import Configuration
 from spacearm.model.frames import pose_facts
 from spacearm.model.joints import joint_scales
 from spacearm.singularities.nearest import angle, nearness
-from spacearm.singularities.report import FAR, Kind, singularity
+from spacearm.singularities.report import FAR, Kind, singularity, to_first_order
 from spacearm.singularities.rounding import error_bars
 
 #: What a unit of wrench, lost by the hands, does to the target at most if it squeezes it only.
@@ -102,7 +102,7 @@ class HeldReport(results.Result):
             near = nearness(self.distance, self.distance_proven)
             return f"{kind}, along closure: {near}{self._locking}"
         if self.distance > FAR:
-            return f"{kind}: no singular posture is near along closure, to first order"
+            return f"{kind}, along closure: {to_first_order(self.distance)}"
         far = f"about {angle(self.distance)} away along closure, to first order"
         return f"{kind}: a singular posture {far}{self._locking}"
 
