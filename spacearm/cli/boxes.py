@@ -59,17 +59,12 @@ def find_box(
     no_limits: opt.NoLimits = False,
     mode: opt.Mode = "free-floating",
     save: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
-            metavar="TOML", help="Write the ranges to a TOML file.", callback=opt.to_write
-        ),
-    ] = None,
-    urdf: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="URDF",
-            help="Write the robot with the ranges as its joint limits.",
-            callback=opt.to_write,
+            metavar="TOML|URDF",
+            help="Write the ranges to a TOML file, or the robot with the ranges as its joint "
+            "limits to a URDF; may be repeated.",
+            callback=opt.each_to_write,
         ),
     ] = None,
     deg: bool = False,
@@ -93,8 +88,12 @@ def find_box(
             clearance=opt.radians(clearance, deg, 0.0),
             progress=progress,
         )
-    written = [box.save(save)] if save else []
-    written += [arm.replace(lower=box.lower, upper=box.upper).to_urdf(urdf)] if urdf else []
+    written: list[Path] = []
+    for path in save or ():
+        if path.suffix.lower() == ".urdf":
+            written.append(arm.replace(lower=box.lower, upper=box.upper).to_urdf(path))
+        else:
+            written.append(box.save(path))
     return Answer(box, written=written)
 
 

@@ -80,6 +80,13 @@ def to_write(param: typer.CallbackParam, path: Path | None) -> Path | None:
     return path
 
 
+def each_to_write(param: typer.CallbackParam, paths: list[Path] | None) -> list[Path] | None:
+    """Refuse each of some files as `to_write` does."""
+    for path in paths or ():
+        to_write(param, path)
+    return paths
+
+
 def motion_to_write(param: typer.CallbackParam, path: Path | None) -> Path | None:
     """Refuse the file of a motion that cannot be written."""
     if path is not None:

@@ -151,7 +151,8 @@ def to_jax(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> ArmFunctions:
     functions = {name: bound(*what) for name, what in EQUATIONS.items()}
     functions["S_gradient"] = jax.grad(functions["S"])
     compiled = {name: jax.jit(function) for name, function in functions.items()}
-    return ArmFunctions(name=arm.name, parameters=own, **compiled)
+    numbers = jax.tree_util.tree_map(jax.numpy.asarray, own)
+    return ArmFunctions(name=arm.name, parameters=numbers, **compiled)
 
 
 @checked

@@ -18,6 +18,7 @@ from spacearm.errors import ConfigurationError, imported, listed, require_known
 from spacearm.files import decoded, read, write, write_folder
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
+from spacearm.motion.motion_file import Quantity
 from spacearm.signatures import checked
 
 #: Largest size of a table of what was measured [bytes].
@@ -113,8 +114,13 @@ def read_measured(path: Path, arm: SpaceArm) -> tuple[Motion, Array | None, Arra
         raise ConfigurationError(f"{path}: give {len(heads)} numbers in a line, as in the header")
     pose = [f"base {column}" for column in _columns(arm, "pose")]
     twist = [*(f"twist v{x} [m/s]" for x in "xyz"), *(f"twist w{x} [rad/s]" for x in "xyz")]
-    q, dq = ([f"{what} {column}" for column in _columns(arm, "joint", unit)]
-             for what, unit in (("q", "rad or m"), ("dq", "rad/s or m/s")))  # fmt: skip
+    q, dq = (
+        [
+            f"{name} {column}"
+            for column in _columns(arm, "joint", Quantity(unit, "joint").unit_for(arm.slides))
+        ]
+        for name, unit in (("q", "rad or m"), ("dq", "rad/s or m/s"))
+    )
 
     def columns(wanted: list[str]) -> Array:
         if missing := [head for head in wanted if head not in heads]:
@@ -133,7 +139,7 @@ def _columns(arm: SpaceArm, kind: str, unit: str = "", size: int = 0) -> list[st
     if kind == "pose":
         return [*(f"{x} [m]" for x in "xyz"), *(f"q{x} [1]" for x in "xyzw")]
     if kind == "joint":
-        units = (unit.split(" or ")[-1 if slides else 0] for slides in arm.slides)
+        units = unit.split(", ") if ", " in unit else [unit] * arm.n
         names = (name.replace(",", "_") for name in arm.joint_names)
         return [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
     columns = COLUMNS.get(kind) or tuple(str(i + 1) for i in range(size))

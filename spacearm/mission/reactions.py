@@ -34,8 +34,8 @@ from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, task_jac
 from spacearm.model.arguments import FLOATING, HELD
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.wheels import WheelLoad, carried, held_about_any_axis
-from spacearm.motion.motion import UNBOUNDED, Motion, Playable, Trajectory, jump_notes
-from spacearm.motion.plant import MotorLoad, motor_notes
+from spacearm.motion.motion import UNBOUNDED, Motion, Playable, Trajectory
+from spacearm.motion.plant import MotorLoad, jump_notes, motor_notes
 from spacearm.planning.result import Plan
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked

@@ -38,7 +38,7 @@ from spacearm.motion import motion_file
 from spacearm.motion.events import Event, events_table
 from spacearm.motion.goal import origin_of
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
-from spacearm.motion.plant import MotorLoad, motor_notes, motor_table
+from spacearm.motion.plant import MotorLoad, jump_notes, motor_notes, motor_table
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.tubes import straight
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
@@ -55,16 +55,6 @@ UNBOUNDED = (
     "no bound: the tip is led at a constant speed to where the task Jacobian is singular, and "
     "joint rates, momentum and torque grow without limit there"
 )
-
-
-def jump_notes(size: float) -> list[str]:
-    """Say by how much [N m s] the momentum of a motion jumps, if it does."""
-    if not size:
-        return []
-    return [
-        f"the joint rates jump, and what wheels hold by up to {size:.4g} N m s at once, which no "
-        "torque can do; a path with times is smooth"
-    ]
 
 
 class RateJump(NamedTuple):
@@ -365,7 +355,7 @@ class Motion(Result):
         for name, quantity in layout.quantities.items():
             dims = ("t", quantity.columns) if quantity.columns else ("t",)
             if (values := getattr(self, name)).size:  # netCDF has no empty dimensions: no wheels
-                data[name] = (dims, values, {"units": quantity.unit})
+                data[name] = (dims, values, {"units": quantity.unit_for(self.arm.slides)})
         times = data.pop("t")
         words = [name for name, kind in layout.details.items() if kind is str]
         attrs = {"arm": self.arm.name, "base_mode": self.mode}

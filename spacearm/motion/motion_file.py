@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
@@ -37,13 +37,21 @@ class Quantity(NamedTuple):
     """A quantity over time.
 
     Attributes:
-        unit: Its unit.
+        unit: Its unit, such as "rad or m" of joints that turn or slide.
         columns: What its columns stand for: "joint", "pose", "component" (of a momentum), "wheel"
             or "axis"; empty for a quantity with one number at each time.
     """
 
     unit: str
     columns: str = ""
+
+    def unit_for(self, slides: Iterable[bool]) -> str:
+        """Return the unit for joints that turn or slide; one for each joint where they differ."""
+        if self.columns != "joint":
+            return self.unit
+        turning, _, sliding = self.unit.partition(" or ")
+        units = [sliding if slide else turning for slide in slides]
+        return units[0] if len(set(units)) == 1 else ", ".join(units)
 
     def shape(self, m: int, n: int, wheels: int) -> tuple[int, ...]:
         """Return the shape of its array for m times, n joints and so many wheels."""

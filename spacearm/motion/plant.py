@@ -326,3 +326,13 @@ def motor_notes(motors: Sequence[MotorLoad]) -> list[str]:
     if beyond:
         notes.append(f"torque beyond its limit, which was not enforced: {', '.join(beyond)}")
     return notes
+
+
+def jump_notes(size: float) -> list[str]:
+    """Say by how much [N m s] the momentum of a motion jumps, if it does."""
+    if not size:
+        return []
+    return [
+        f"the joint rates jump, and what wheels hold by up to {size:.4g} N m s at once, which no "
+        "torque can do; a path with times is smooth"
+    ]

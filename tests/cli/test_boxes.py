@@ -12,7 +12,7 @@ import spacearm as sa
 
 def test_the_box_of_a_posture_is_that_of_python(tmp_path):
     words = ("box", "planar2", "--deg", 20, 60, "--widest", "joint_2", "--clearance", 3)
-    run = spacearm(*words, "--save", "box.toml", "--urdf", "limited.urdf", cwd=tmp_path)
+    run = spacearm(*words, "--save", "box.toml", "--save", "limited.urdf", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     assert "no posture in these joint ranges is singular, proven" in " ".join(run.stdout.split())
     arm = sa.load("planar2")

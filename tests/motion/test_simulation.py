@@ -453,7 +453,7 @@ def test_a_trajectory_as_labelled_arrays(figure_5):
     data = figure_5.to_xarray()
     assert data["q"].dims == ("t", "joint")
     assert data["q"].sel(joint="joint_2").values[0] == figure_5.q[0, 1]
-    assert data["torque"].attrs["units"] == "N m or N"
+    assert data["torque"].attrs["units"] == "N m"
     assert "first singularity at 4.889 s" in repr(figure_5)
 
 
