@@ -60,6 +60,11 @@ class JointSpace:
         return float(sum(inertia.mass for inertia in self.model.inertias))
 
     @property
+    def joint_units(self) -> tuple[str, ...]:
+        """Unit of each joint position: "rad" or "m"."""
+        return tuple("m" if slides else "rad" for slides in self.slides)
+
+    @property
     def sigma_unit(self) -> str:
         """Unit of the singular values of the task Jacobian: of task rows over joint rates."""
         rate = "m" if self.slides.all() else "(rad or m)" if self.slides.any() else "rad"

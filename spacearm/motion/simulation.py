@@ -162,8 +162,8 @@ PIECE = 256
 KINDS = 8
 #: Units of what is kept of each run.
 UNITS = {
-    "time_to_target": "s", "first_singularity": "s", "sigma_min": "as in sa.singularity",
-    "turn": "rad", "distance": "rad", "t": "s", "imbalance": "1", "base": "m, quaternion xyzw",
+    "success": "1", "time_to_target": "s", "first_singularity": "s", "turn": "rad", "t": "s",
+    "imbalance": "1", "base": "m, quaternion xyzw",
 }  # fmt: skip
 
 
@@ -291,15 +291,30 @@ def simulate_many(
             pool.shutdown(wait=False, cancel_futures=True)
     found["q0"] = np.array([system.start.q for system in systems])
     columns = {"q": ("joint",), "dq": ("joint",), "q0": ("joint",), "base": ("pose",)}
-    units = {name: {"units": unit} for name, unit in UNITS.items()}
+    units = UNITS | _units_of_joints(arm)
+    attributes = {name: {"units": unit} for name, unit in units.items()}
     data = {
-        name: (("run", *columns.get(name, ())), values, units.get(name, {}))
+        name: (("run", *columns.get(name, ())), values, attributes.get(name, {}))
         for name, values in found.items()
     }
     attrs = {"arm": arm.name, "base_mode": mode, "duration": duration}
     attrs |= {"rtol": integration.rtol, "atol": integration.atol}
     attrs["called"] = "; ".join(dict.fromkeys(note for one in ready for note in one.notes))
     return xr.Dataset(data, {"joint": list(arm.joint_names)}, attrs)
+
+
+def _units_of_joints(arm: SpaceArm) -> dict[str, str]:
+    """Return the units that depend on how joints move; one for each joint where they differ."""
+    own = arm.joint_units
+    position = ", ".join(own if len(set(own)) > 1 else own[:1])
+    rate = ", ".join(f"{unit}/s" for unit in position.split(", "))
+    return {
+        "q": position,
+        "q0": position,
+        "dq": rate,
+        "sigma_min": arm.sigma_unit,
+        "distance": arm.travel_unit,
+    }
 
 
 def _prepared_all(

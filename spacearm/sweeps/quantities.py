@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -68,6 +68,16 @@ def boxes(shape: Sequence[int], most: int) -> Iterator[Box]:
     """Iterate over all boxes of at most `most` points."""
     size = tile(shape, most)
     return (box_of(shape, size, i) for i in range(math.prod(counts(shape, size))))
+
+
+def _each(units: Iterable[str]) -> str:
+    """Return the unit that the arms of a study have, or those that they have, in their order."""
+    return "; ".join(dict.fromkeys(units))
+
+
+def _unit_of_joint(arm: SpaceArm, text: str) -> str:
+    """Return the unit of a joint position."""
+    return arm.joint_units[arm.joint_names.index(joint_name(arm, text))]
 
 
 class Variable(NamedTuple):
@@ -153,7 +163,8 @@ class Shells(Quantity):
         self.mode = table.choice("mode", tables.MODES, "free-floating")
         self.limits = table.take("limits", bool, False)
         self.effort = table.positive("effort", int, EFFORT)
-        volume = {"units": "m^3; m^2 for planar arms"}
+        planar = (arm.tree.plane_normal() is not None for arm in arms)
+        volume = {"units": _each("m^2" if flat else "m^3" for flat in planar)}
         shell = ("shell", "bound"), (MOST_SHELLS, 2)
         self.variables = {
             "piw": Variable({**volume, "about": "path independent workspace"}),
@@ -244,14 +255,20 @@ class JointMap(Quantity):
                 if joint_name(arm, text) in own.values() or abs(value) > LARGEST:
                     listed = [*self.axes]
                     raise held.fail(text, f"give finite positions [rad], of joints not in {listed}")
-        self.name, units = table.where, "; ".join(dict.fromkeys(arm.sigma_unit for arm in arms))
+        self.name, units = table.where, _each(arm.sigma_unit for arm in arms)
         about = {
             "sigma_min": {"units": units, "about": "least singular value of the task Jacobian"},
-            "distance": {"units": "rad", "about": "distance to the singular set, to first order"},
+            "distance": {
+                "units": _each(arm.travel_unit for arm in arms),
+                "about": "distance to the singular set, to first order",
+            },
         }[self.name]
         self.dtype = "float32" if table.take("single", bool, False) else "float64"
         self.variables = {self.name: Variable(about, dtype=self.dtype)}
-        self.coords = {text: (values, {"units": "rad or m"}) for text, values in self.axes.items()}
+        self.coords = {
+            text: (values, {"units": _each(_unit_of_joint(arm, text) for arm in arms)})
+            for text, values in self.axes.items()
+        }
         self.dims, self.shape = tuple(self.axes), tuple(map(len, self.axes.values()))
         self.tile = tile(self.shape, self.chunk)
 
@@ -299,6 +316,10 @@ class Simulations(Quantity):
 
     def read(self, table: Table, arms: Sequence[SpaceArm]) -> None:
         """Read the table."""
+        distance = VARIABLES["least_distance"]
+        units = {"units": _each(arm.travel_unit for arm in arms)}
+        own = distance._replace(attrs={**distance.attrs, **units})
+        self.variables = VARIABLES | {"least_distance": own}
         table.knows(
             "controller", "start", "duration", "runs", "mode", "plant", "sampling", "integration"
         )

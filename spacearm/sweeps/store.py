@@ -71,7 +71,9 @@ class Store:
             compare(self.path, study)
             self._there = self.path.stat()
             files = Files(self.path, most=largest(study))
-            group: Any = zarr.open_group(files, mode="r+", zarr_format=3)
+            group: Any = zarr.open_group(
+                files, mode="r+", zarr_format=3, use_consolidated=False
+            )
             self._marks = {name: group[f"{MARKS}/{name}"] for name in study.quantities}
             self._arrays = {
                 name: group[name]
@@ -232,7 +234,10 @@ def _trouble(path: Path, error: OSError) -> StoreError:
 
 
 def lay_out(path: Path, study: Study) -> None:
-    """Write attributes, labels and the descriptions of all arrays, without their numbers."""
+    """Write attributes, labels and the descriptions of all arrays, without their numbers.
+
+    The group's description repeats those of its arrays (consolidated metadata), as xarray expects.
+    """
     import zarr
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
@@ -266,6 +271,9 @@ def lay_out(path: Path, study: Study) -> None:
                 config={"write_empty_chunks": True},
                 **options,
             )
+    with warnings.catch_warnings():  # Zarr's third format does not yet prescribe how it is stored
+        warnings.filterwarnings("ignore", "Consolidated metadata", UserWarning)
+        zarr.consolidate_metadata(path, zarr_format=3)
 
 
 def compare(path: Path, study: Study) -> None:

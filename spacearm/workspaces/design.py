@@ -234,10 +234,10 @@ def workspaces(
     names, volume = tuple(axes), "m^2" if arm.tree.plane_normal() is not None else "m^3"
     units = {"piw": volume, "reachable": volume, "fraction": "1"}
     data: dict[str, Any] = {n: (names, x, {"units": units[n]}) for n, x in numbers.items()}
-    data["done"] = names, done
+    data["done"] = names, done, {"units": "1"}
     data["pdw"] = (*names, "shell", "bound"), pdw, {"units": "m"}
     if risk_bins:
-        data["risk"] = (*names, "class"), risk
+        data["risk"] = (*names, "class"), risk, {"units": "1"}
         data["near_share"] = names, near[..., 0], {"units": "1"}
         data["near_error"] = names, near[..., 1], {"units": "1"}
     coords: dict[str, Any] = {"bound": ["least", "largest"]}

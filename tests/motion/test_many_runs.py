@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import load_text
+from helpers.arms import joint, link, load_text, robot, two_links
 from helpers.wheels import WHEELS, with_wheels
 
 import spacearm as sa
@@ -38,6 +38,20 @@ def test_each_run_is_that_of_simulate():
         assert bool(run["success"]) == bool(times)
         if times:
             assert run["time_to_target"] == times[0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "position", "rate"),
+    [("revolute", "rad", "rad/s"), ("prismatic", "rad, m", "rad/s, m/s")],
+)
+def test_all_numbers_have_units(kind, position, rate):
+    bus, first, elbow = two_links()
+    arm = load_text(robot(bus, first, elbow, link("end"), joint("last", "arm", "end", kind)))
+    many = sa.simulate_many(arm.at([0.1, 0.2]), sa.JointPD(target=[0, 0], kp=1, kd=1), 0.1)
+    units = {name: x.attrs.get("units") for name, x in many.data_vars.items()}
+    assert [name for name, unit in units.items() if unit is None] == ["ended"], "it is text"
+    assert (units["q"], units["q0"], units["dq"]) == (position, position, rate)
+    assert units["sigma_min"] == arm.sigma_unit
 
 
 def test_laws_momenta_and_payloads_may_differ():

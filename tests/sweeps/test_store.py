@@ -5,8 +5,11 @@ import os
 import shutil
 import sys
 import threading
+import warnings
 
 import pytest
+import xarray as xr
+from helpers.arms import joint, link, robot, two_links
 from helpers.sweeps import STUDY, files, run, start
 
 import spacearm as sa
@@ -263,3 +266,65 @@ def test_the_extra_is_named_where_zarr_is_missing(small, store, monkeypatch):
     for there in (store, store / "new"):
         with pytest.raises(sa.UnsupportedError, match=r"pip install 'spacearm\[sweep\]'"):
             sa.sweep(small, there)
+
+
+def test_xarray_opens_a_store_without_warnings(store):
+    """Its description repeats those of its arrays; what the user put there is none of them."""
+    (store / "notes.txt").write_text("mine")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with xr.open_zarr(store) as found:
+            assert found["sigma_min"].dims == ("arm", "base_inertia", "q1")
+            assert found["sigma_min"].attrs["units"] == "m/rad"
+            assert found["q1"].attrs["units"] == "rad"
+
+
+@pytest.mark.parametrize("inside", ["sigma_min", "base_inertia"])
+def test_repeated_descriptions_that_were_altered_are_written_again(small, store, inside):
+    file = store / "zarr.json"
+    sound = file.read_bytes()
+    described = json.loads(sound)
+    described["consolidated_metadata"]["metadata"][inside]["attributes"] = {"units": "furlong"}
+    file.write_text(json.dumps(described))
+    Store(store, small)
+    assert file.read_bytes() == sound
+
+
+EVERYTHING = """
+arms = [ARM]
+[parameters]
+base_inertia = [1]
+[risk]
+sigma_min = 0.2
+bins = [0, 6]
+samples = 10
+[sigma_min]
+joints.rail = {from = -0.1, to = 0.1, points = 2}
+[distance]
+joints.elbow = {from = -0.1, to = 0.1, points = 2}
+"""
+
+
+@pytest.mark.parametrize(("slides", "unit"), [(True, "m"), (False, "rad")])
+def test_all_numbers_of_a_store_have_units(tmp_path, slides, unit):
+    bus, arm, elbow = two_links()
+    path = tmp_path / "robot.urdf"
+    last = joint("rail", "arm", "end", "prismatic" if slides else "revolute")
+    path.write_text(robot(bus, arm, elbow, link("end"), last))
+    source = f'{{source = "{path}", tip = "end", task = "x y"}}'
+    study = sa.Study.parse(EVERYTHING.replace("ARM", source))
+    units = {name: attrs.get("units") for name, (_, attrs) in study.labels.items()}
+    assert units.pop("arm") is None, "it is text"
+    assert (units["rail"], units["elbow"]) == (unit, "rad")
+    for quantity in study.quantities.values():
+        units |= {name: array.attrs.get("units") for name, array in quantity.variables.items()}
+    assert all(units.values()), units
+    assert units["distance"] == ("rad and m" if slides else "rad")
+
+
+@pytest.mark.parametrize(
+    ("arms", "unit"), [(["planar2"], "m^2"), (["mda6"], "m^3"), (["planar2", "mda6"], "m^2; m^3")]
+)
+def test_sizes_of_workspaces_have_the_units_of_the_arms(arms, unit):
+    study = sa.Study.parse(f"arms = {arms}\n[shells]")
+    assert study.quantities["shells"].variables["piw"].attrs["units"] == unit

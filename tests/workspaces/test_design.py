@@ -119,6 +119,8 @@ def test_a_sweep_equals_its_points():
             assert float(here["fraction"]) == pytest.approx(alone.fraction)
             np.testing.assert_allclose(here["pdw"].dropna("shell"), alone.pdw, atol=1e-12)
     assert result["risk"].sizes["class"] == 4
+    numbers = [x for x in result.variables.values() if x.dtype.kind != "U"]
+    assert all("units" in x.attrs for x in numbers)
     one = sa.risk_profile(vary(ARM, {"base_inertia": 5, "mount_x": 0.3}), bins=9)
     assert float(result["near_share"].sel(base_inertia=5, mount_x=0.3)) == one.overall
     told = float(result["near_error"].sel(base_inertia=5, mount_x=0.3))
