@@ -71,9 +71,7 @@ class Store:
             compare(self.path, study)
             self._there = self.path.stat()
             files = Files(self.path, most=largest(study))
-            group: Any = zarr.open_group(
-                files, mode="r+", zarr_format=3, use_consolidated=False
-            )
+            group: Any = zarr.open_group(files, mode="r+", zarr_format=3, use_consolidated=False)
             self._marks = {name: group[f"{MARKS}/{name}"] for name in study.quantities}
             self._arrays = {
                 name: group[name]
