@@ -15,6 +15,7 @@ from lxml.builder import E
 
 from spacearm.description.bodies import Joint, Mimic
 from spacearm.description.loops import warn_of_lost_loops
+from spacearm.description.readers.mjcf import VELOCITY_LIMIT
 from spacearm.description.shapes import TURNED, Box, Cylinder, Mesh, Shape, Sphere
 from spacearm.description.urdf_writer import digits
 from spacearm.files import write
@@ -32,7 +33,9 @@ def to_mjcf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
     """Write spacecraft and arm as an MJCF file, which MuJoCo simulates and `load` reads.
 
     The spacecraft has a free joint, there is no gravity, and every joint has a motor of its name,
-    limited to the joint's effort. Links that are fixed to others are sites of their body. Joints
+    limited to the joint's effort. MJCF has no limits of joint rates: they are written as custom
+    numbers "velocity_limit/JOINT", which `load` reads and MuJoCo does not enforce. Links that are
+    fixed to others are sites of their body. Joints
     that `arm` holds or has locked, and wheels, are fixed. Joints that mimic others are tied to them
     by an equality constraint, which MuJoCo keeps approximately. Meshes are left out, boxes,
     cylinders and spheres written. MuJoCo refuses moving bodies without mass, and inertias that no
@@ -72,6 +75,7 @@ def to_mjcf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
         E.worldbody(elements[0]),
         E.equality(*(_mjcf_tie(joint.name, joint.mimic) for joint in joints if joint.mimic)),
         E.actuator(*(_mjcf_motor(joint) for joint in joints if not joint.mimic)),
+        E.custom(*(_mjcf_rate(joint) for joint in joints if isfinite(joint.velocity))),
         model=arm.name,
     )
     etree.indent(document)
@@ -213,6 +217,11 @@ def _mjcf_tie(name: str, mimic: Mimic) -> etree._Element:
 def _mjcf_motor(joint: Joint) -> etree._Element:
     """Write the motor of a joint."""
     return E.motor(name=joint.name, joint=joint.name, **_mjcf_effort("ctrlrange", joint))
+
+
+def _mjcf_rate(joint: Joint) -> etree._Element:
+    """Write the limit of the rate of a joint."""
+    return E.numeric(name=f"{VELOCITY_LIMIT}{joint.name}", data=digits((joint.velocity,)))
 
 
 def _mjcf_effort(word: str, joint: Joint) -> dict[str, str]:

@@ -435,3 +435,40 @@ def test_joints_rest_where_the_keyframe_home_has_them(tmp_path):
     assert found.held == {"j_mast": 0.25}
     path.write_text(path.read_text().replace('name="Home"', 'name="start"'))
     assert sa.load(path, tip="tcp").held == {"j_mast": 0.0}
+
+
+VELOCITY = '<velocity joint="a" kv="3" gear="{gear}" ctrlrange="{range}"/>'
+
+
+@pytest.mark.parametrize(
+    ("actuators", "limit"),
+    [
+        (VELOCITY.format(gear="1", range="-2 2"), 2.0),
+        (VELOCITY.format(gear="-4", range="-2 3"), 0.5),  # of the motor's shaft
+        (VELOCITY.format(gear="1", range="-2 2") + VELOCITY.format(gear="1", range="-1 1"), 1.0),
+        ('<intvelocity joint="a" kp="5" kv="1" actrange="-1 1" ctrlrange="-2 2"/>', 2.0),
+        (VELOCITY.format(gear="1", range="0 2"), np.inf),
+        ('<velocity joint="a" kv="3"/>', np.inf),
+        ('<velocity joint="a" kv="3" ctrllimited="false" ctrlrange="-2 2"/>', np.inf),
+        ('<motor joint="a" ctrlrange="-2 2"/>', np.inf),
+        ('<position joint="a" kp="3" kv="1" ctrlrange="-2 2"/>', np.inf),
+        ('<damper joint="a" kv="3" ctrlrange="0 2"/>', np.inf),
+    ],
+)
+def test_velocity_actuators_limit_the_rates_of_joints(tmp_path, actuators, limit):
+    arm = load(mjcf(free(link("a")), f"<actuator>{actuators}</actuator>"), tmp_path)
+    assert arm.tree.joints["a"].velocity == limit
+
+
+def test_custom_numbers_limit_rates_before_actuators(tmp_path):
+    custom = '<custom><numeric name="velocity_limit/a" data="0.25"/></custom>'
+    actuator = f"<actuator>{VELOCITY.format(gear='1', range='-2 2')}</actuator>"
+    arm = load(mjcf(free(link("a")), actuator + custom), tmp_path)
+    assert arm.tree.joints["a"].velocity == 0.25
+
+
+@pytest.mark.parametrize("data", ["-1", "0", "1 2"])
+def test_custom_numbers_that_are_no_limits(tmp_path, data):
+    custom = f'<custom><numeric name="velocity_limit/a" data="{data}"/></custom>'
+    with pytest.raises(sa.ModelError, match=r"velocity_limit/a.*largest rate of the joint"):
+        load(mjcf(free(link("a")), custom), tmp_path)

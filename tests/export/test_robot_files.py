@@ -31,6 +31,11 @@ def assert_the_same(twin, arm, seed):
     assert_close(sa.generalized_jacobian(twin.at(q[order])), J)
     np.testing.assert_allclose(twin.lower, arm.lower[order], atol=1e-12)
     np.testing.assert_allclose(twin.upper, arm.upper[order], atol=1e-12)
+    np.testing.assert_array_equal(rate_limits(twin), rate_limits(arm)[order])
+
+
+def rate_limits(arm):
+    return np.array([arm.tree.joints[name].velocity for name in arm.joint_names])
 
 
 def assert_close(J, wanted, rtol=1e-12):

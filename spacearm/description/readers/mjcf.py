@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 OUT_OF_MEMORY = ("Could not allocate memory", "bad_alloc", "unknown exception")
 #: Stands for a size that MuJoCo chooses by itself.
 DEFAULT_SIZE = -1
+#: How names of custom numbers begin that are limits of joint rates [rad/s] or [m/s]; the name of
+#: the joint follows.
+VELOCITY_LIMIT = "velocity_limit/"
 #: Share by which rounding may move the compiled inertia from the given one (MuJoCo 3: 1e-6).
 SAME_INERTIA = 1e-5
 
@@ -90,6 +93,7 @@ class _Reader:
         self._source = source
         self._spec = spec
         self._couplings = _couplings(source, spec)
+        self._rates = _rate_limits(source, spec)
         homes = [list(key.qpos) for key in spec.keys if key.name.lower() == HOME]
         _leave_out(source, spec)
         self._geoms = Geoms(source, spec)
@@ -203,7 +207,8 @@ class _Reader:
         damping, friction = (float(np.ravel(values[model.jnt_dofadr[i]])[0]) for values in resists)
         joint = Joint(
             name, kind, "", "", origin, model.jnt_axis[i].copy(), lower, upper,
-            effort=float(effort), damping=damping, friction=friction,
+            velocity=self._rates.get(name, math.inf), effort=float(effort), damping=damping,
+            friction=friction,
             home=self._home[model.jnt_qposadr[i]] if self._home else 0.0,
         )  # fmt: skip
         zero = float(model.qpos0[model.jnt_qposadr[i]])
@@ -291,6 +296,53 @@ def _couplings(source: Source, spec: mujoco.MjSpec) -> dict[str, tuple[str, floa
     return found
 
 
+def _rate_limits(source: Source, spec: mujoco.MjSpec) -> dict[str, float]:
+    """Return the limits of joint rates, which MJCF itself does not have [rad/s] or [m/s].
+
+    They are those of custom numbers (`VELOCITY_LIMIT`), or else the largest rates that a velocity
+    actuator of the joint can be commanded, the smaller one of both directions.
+
+    Raises:
+        ModelError: A custom number is no limit.
+    """
+    limits: dict[str, float] = {}
+    for actuator in spec.actuators:
+        limit = _commanded_rate(actuator, bool(spec.compiler.autolimits))
+        if math.isfinite(limit):
+            limits[actuator.target] = min(limit, limits.get(actuator.target, math.inf))
+    for number in spec.numerics:
+        if number.name.startswith(VELOCITY_LIMIT):
+            value = float(number.data[0]) if len(number.data) == 1 else math.nan
+            if not value > 0.0:
+                source.fail(
+                    f"<numeric name={number.name!r}> has data {list(map(float, number.data))}",
+                    "give one positive number, the largest rate of the joint [rad/s] or [m/s]",
+                )
+            limits[number.name.removeprefix(VELOCITY_LIMIT)] = value
+    return limits
+
+
+def _commanded_rate(actuator: mujoco.MjsActuator, autolimits: bool) -> float:
+    """Return the largest rate that an actuator can be commanded, infinite if that is no rate.
+
+    A <velocity> actuator applies kv (command - rate), an <intvelocity> one integrates the command.
+    """
+    import mujoco
+
+    ratio, (low, high) = abs(float(actuator.gear[0])), map(float, actuator.ctrlrange)
+    gain, (_, bias, damping) = float(actuator.gainprm[0]), map(float, actuator.biasprm[:3])
+    integrates = actuator.dyntype == mujoco.mjtDyn.mjDYN_INTEGRATOR
+    regulates = gain > 0.0 and actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE
+    to_rate = regulates and (bias == -gain if integrates else (bias, damping) == (0.0, -gain))
+    given = mujoco.mjtLimited
+    automatic = actuator.ctrllimited == given.mjLIMITED_AUTO and autolimits
+    limited = automatic or actuator.ctrllimited == given.mjLIMITED_TRUE
+    joint = actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT
+    if not (joint and to_rate and limited and ratio > 0.0 and low < 0.0 < high):
+        return math.inf
+    return min(-low, high) / ratio
+
+
 #: What MuJoCo calls a model that has no name.
 UNNAMED_MODEL = "MuJoCo Model"
 AXIS = re.compile(r"(.+)[:_.-][xyz]", re.IGNORECASE)
@@ -308,7 +360,8 @@ def _leave_out(source: Source, spec: mujoco.MjSpec) -> None:
     if found := ", ".join(kind for kind in LEFT_OUT if len(getattr(spec, kind, ()))):
         source.note(
             f"left out, as a free-floating arm has none: {found} (active equalities that tie one "
-            "joint to another, or close a loop, are kept)"
+            "joint to another, or close a loop, and the rates to which velocity actuators are "
+            "limited are kept)"
         )
     for geom in spec.geoms:
         if geom.hfieldname:
