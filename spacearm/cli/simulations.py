@@ -77,8 +77,13 @@ def simulate_motion(
     else:
         start = tracked[0]
     if "phases" in asked.values:
-        given = {"--target": target, "--controller": controller, "--duration": duration,
-                 "--motion": motion, "--mode": mode}  # fmt: skip
+        given = {
+            "--target": target,
+            "--controller": controller,
+            "--duration": duration,
+            "--motion": motion,
+            "--mode": mode,
+        }
         if both := [option for option, value in given.items() if value is not None]:
             raise sa.ConfigurationError(f"phases and {both[0]} are given; say it in the phases")
         return _fly(start, asked, save)

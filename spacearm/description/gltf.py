@@ -34,7 +34,7 @@ COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
 Document = dict[str, Any]
 
 
-class Scene(NamedTuple):
+class GltfScene(NamedTuple):
     """What a file places.
 
     Attributes:
@@ -86,7 +86,7 @@ def text_size(content: bytes) -> int:
     return len(content)
 
 
-def scene_of(document: Document, binary: bytes, files: Mapping[str, bytes]) -> Scene:
+def scene_of(document: Document, binary: bytes, files: Mapping[str, bytes]) -> GltfScene:
     """Return what a glTF or GLB file places, counted, without its triangles.
 
     Args:
@@ -108,10 +108,10 @@ def scene_of(document: Document, binary: bytes, files: Mapping[str, bytes]) -> S
         triangles = sum(sizes[mesh][1] for mesh, _ in places)
     except (KeyError, IndexError, TypeError, AttributeError) as error:
         raise ValueError(f"it is faulty glTF ({error!r}); export it again") from None
-    return Scene(document, buffers, places, vertices, triangles)
+    return GltfScene(document, buffers, places, vertices, triangles)
 
 
-def triangles_of(scene: Scene) -> tuple[Array, Integers]:
+def triangles_of(scene: GltfScene) -> tuple[Array, Integers]:
     """Return the vertices (n, 3) and faces (m, 3) of all that is placed [m].
 
     Vertices of a part that are at one place become one.
@@ -138,7 +138,7 @@ def triangles_of(scene: Scene) -> tuple[Array, Integers]:
     return np.concatenate(vertices), np.concatenate(faces)
 
 
-def _mesh(scene: Scene, mesh: Document) -> tuple[Array, Integers]:
+def _mesh(scene: GltfScene, mesh: Document) -> tuple[Array, Integers]:
     """Return vertices (n, 3) and faces (m, 3) of a mesh, in its own frame."""
     vertices: list[Array] = [np.zeros((0, 3))]
     faces: list[Integers] = [np.zeros((0, 3), dtype=np.int64)]
@@ -236,7 +236,7 @@ def _count(accessor: Document) -> int:
     return count
 
 
-def _primitive(scene: Scene, primitive: Document) -> tuple[Array, Integers]:
+def _primitive(scene: GltfScene, primitive: Document) -> tuple[Array, Integers]:
     """Return vertices (n, 3) and faces (m, 3) of a primitive."""
     accessors = scene.document["accessors"]
     vertices = _numbers(scene, accessors[primitive["attributes"]["POSITION"]])
@@ -259,7 +259,7 @@ def _primitive(scene: Scene, primitive: Document) -> tuple[Array, Integers]:
     return vertices, faces
 
 
-def _numbers(scene: Scene, accessor: Document) -> Array:
+def _numbers(scene: GltfScene, accessor: Document) -> Array:
     """Return the numbers (count, width) of an accessor, sparse ones included."""
     count, width = _count(accessor), WIDTHS[accessor["type"]]
     kind = np.dtype(COMPONENTS[accessor["componentType"]])
@@ -282,7 +282,7 @@ def _numbers(scene: Scene, accessor: Document) -> Array:
 
 
 def _viewed(
-    scene: Scene, part: Mapping[str, Any], count: int, width: int, kind: np.dtype[Any]
+    scene: GltfScene, part: Mapping[str, Any], count: int, width: int, kind: np.dtype[Any]
 ) -> npt.NDArray[np.float64]:
     """Return the numbers (count, width) in a view of a buffer."""
     view = scene.document["bufferViews"][part["bufferView"]]

@@ -333,9 +333,8 @@ def _free_floating(run: Motion) -> Sequence[Configuration]:
     elif not run.wheels_act:
         return list(run)
     attitudes = attitudes_over_time(first, run.curve, run.t)
-    rows = zip(run.q, attitudes, strict=True)
-    return [placed(first, q, T).with_momentum(first.momentum).with_wheels(first.wheels)
-            for q, T in rows]  # fmt: skip
+    rows = [placed(first, q, T) for q, T in zip(run.q, attitudes, strict=True)]
+    return [cfg.with_momentum(first.momentum).with_wheels(first.wheels) for cfg in rows]
 
 
 def _recorded(run: Motion) -> dict[str, Any]:

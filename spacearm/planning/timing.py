@@ -20,7 +20,7 @@ UNLIMITED = 0.5
 #: Largest rate of a motion from rest to rest along 10 u^3 - 15 u^4 + 6 u^5, over its mean.
 PEAK = 1.875
 #: Parts of each piece of a spline on which its rates are bounded.
-PARTS = 4
+RATE_PARTS = 4
 #: Rows between which the direction changes by more than this are a corner [rad].
 CORNER = 0.3
 
@@ -57,7 +57,7 @@ def rate_bounds(spline: PPoly) -> Array:
     convex hull it lies.
     """
     ends = spline.x
-    parts = np.arange(PARTS) / PARTS
+    parts = np.arange(RATE_PARTS) / RATE_PARTS
     knots = np.append((ends[:-1, None] + np.diff(ends)[:, None] * parts).ravel(), ends[-1])
     degree = len(spline.c) - 1
     slopes = [spline(knots[:-1], i + 1) / math.factorial(i) for i in reversed(range(degree))]
