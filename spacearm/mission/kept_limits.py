@@ -47,7 +47,7 @@ class CatchLimits:
     wheels: Wheels | None
 
 
-class LimitedQuantity(NamedTuple):
+class Limited(NamedTuple):
     """A limited quantity over time.
 
     Attributes:
@@ -96,20 +96,16 @@ def _worse(one: LimitCheck, other: LimitCheck) -> LimitCheck:
     return worse._replace(exceeded=min(first, default=None))
 
 
-def _series(
-    flight: Flight, i: int, run: Trajectory, limits: CatchLimits
-) -> Iterator[LimitedQuantity]:
+def _series(flight: Flight, i: int, run: Trajectory, limits: CatchLimits) -> Iterator[Limited]:
     """Yield the limited quantities of phase i."""
     arm = flight.arm
     slides = np.array(arm.slides)
     for j, name in enumerate(arm.joint_names):
         unit = "m/s" if slides[j] else "rad/s"
-        yield LimitedQuantity(f"rate of {name}", unit, float(limits.rates[j]), np.abs(run.dq[:, j]))
+        yield Limited(f"rate of {name}", unit, float(limits.rates[j]), np.abs(run.dq[:, j]))
     for j, name in enumerate(arm.joint_names):
         unit = "N" if slides[j] else "N m"
-        yield LimitedQuantity(
-            f"torque of {name}", unit, float(limits.torques[j]), np.abs(run.torque[:, j])
-        )
+        yield Limited(f"torque of {name}", unit, float(limits.torques[j]), np.abs(run.torque[:, j]))
     if limits.positions:
         yield from _positions(arm, slides, run.q)
     wrenches = flight.phase_wrenches(i).reshape(len(run), len(arm.tips), 2, 3)
@@ -120,34 +116,34 @@ def _series(
             (f"force at the grapple{of}", "N", limits.loads[0], loads[:, k, 0]),
             (f"moment about the grapple{of}", "N m", limits.loads[1], loads[:, k, 1]),
         ):
-            yield LimitedQuantity(what, unit, float(allowed), values)
+            yield Limited(what, unit, float(allowed), values)
     if limits.wheels is not None and arm.wheels:
         for w, wheel in enumerate(arm.wheels):
             most, torque = limits.wheels.capacity[w], limits.wheels.torque[w]
-            yield LimitedQuantity(
+            yield Limited(
                 f"momentum of wheel {wheel.name}", "N m s", float(most), np.abs(run.wheels[:, w])
             )
-            yield LimitedQuantity(
+            yield Limited(
                 f"torque of wheel {wheel.name}", "N m", float(torque),
                 np.abs(run.wheel_torque[:, w]),
             )  # fmt: skip
     if limits.clearance is not None and not isinstance(run, TargetRun):
-        yield LimitedQuantity(CLEARANCE, "rad", limits.clearance, run.distance)
+        yield Limited(CLEARANCE, "rad", limits.clearance, run.distance)
 
 
-def _positions(arm: SpaceArm, slides: Booleans, q: Array) -> Iterator[LimitedQuantity]:
+def _positions(arm: SpaceArm, slides: Booleans, q: Array) -> Iterator[Limited]:
     """Yield the joint positions as far as they have limits."""
     for j, name in enumerate(arm.joint_names):
         unit = "m" if slides[j] else "rad"
         middle = 0.5 * (arm.upper[j] + arm.lower[j])
         half = 0.5 * (arm.upper[j] - arm.lower[j])
         if np.isfinite(half):
-            yield LimitedQuantity(
+            yield Limited(
                 f"{name} from the middle of its range", unit, float(half), np.abs(q[:, j] - middle)
             )
 
 
-def _checked(series: LimitedQuantity, t: Array) -> LimitCheck:
+def _checked(series: Limited, t: Array) -> LimitCheck:
     """Return the largest value of a quantity at times t (m,), and when its limit is exceeded."""
     sign = -1.0 if series.limit == CLEARANCE else 1.0
     values, allowed = sign * series.values, sign * series.allowed
