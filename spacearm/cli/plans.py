@@ -83,7 +83,7 @@ def _command(solve: Callable[..., sa.Plan], *more_keys: str) -> Callable[..., in
         target = _goal(arm, goal, asked, deg)
         constraints = questions.constraints_of(asked.inner("constraints"))
         around = tuple(questions.obstacle_of(text, deg) for text in obstacle or ())
-        kept = obstacles_of(constraints.obstacles, arm)
+        kept = obstacles_of(constraints.obstacles, start)
         constraints = replace(constraints, obstacles=(*kept, *around))
         try:
             with working("planning", form=TIME_LIMIT) as progress:

@@ -149,7 +149,7 @@ class TargetTree:
         self.constraints = constraints
         self.account = SearchAccount(float(search.timeout), search.progress)
         self.rng, self.stops, self.contacts = generator(search.seed), Counter[str](), Counter[str]()
-        bodies = Collisions(arm, obstacles_of(constraints.obstacles, arm), carrying.touching)
+        bodies = Collisions(arm, obstacles_of(constraints.obstacles, start), carrying.touching)
         self.bodies = bodies if constraints.collisions and bodies else None
         self.length = arm.task.length or 1.0
         here = carrying.distance(start, mode, np.inf)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeAlias
@@ -39,7 +39,7 @@ from spacearm.description.shapes import (
 )
 from spacearm.errors import ConfigurationError, ModelError, require_known, type_of, warn
 from spacearm.mechanics.target import Target
-from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.arm import Configuration
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.motion.motion import Motion
 from spacearm.signatures import checked, shown
@@ -431,14 +431,19 @@ def _carried(link: str, solid: coal.CollisionGeometry, pose: pin.SE3, frame: int
 ObstacleLike: TypeAlias = Obstacle | Target | Configuration | Motion
 
 
-def obstacles_of(given: object, arm: SpaceArm) -> tuple[Obstacle, ...]:
+def obstacles_of(given: object, start: Configuration, t: float = 0.0) -> tuple[Obstacle, ...]:
     """Return the obstacles that a caller gave: one or several, targets, postures and motions too.
+
+    Args:
+        given: What was given.
+        start: The arm at the first time of its motion; targets in orbit drift relative to its CM.
+        t: That time [s].
 
     Raises:
         ConfigurationError: One is not an obstacle, or names a link that the arm does not have.
     """
     one = isinstance(given, Obstacle | Configuration | Motion | Target)
-    found = []
+    arm, found = start.arm, []
     for thing in given if isinstance(given, Sequence) and not one else [given]:
         if isinstance(thing, Configuration | Motion):
             thing = Obstacle.robot(thing)
@@ -450,5 +455,7 @@ def obstacles_of(given: object, arm: SpaceArm) -> tuple[Obstacle, ...]:
                 ".cylinder, .mesh or .robot, a sa.Target, or a configuration or motion of a robot"
             )
         require_known(f"link of {arm.name}", thing.may_touch, arm.tree.links)
+        if thing.target is not None and thing.target.orbit:
+            thing = replace(thing, target=thing.target.relative_to(start, thing.begin + t))
         found.append(thing)
     return tuple(found)

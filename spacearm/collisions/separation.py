@@ -431,11 +431,14 @@ def _moving(
     """
     motion: SweptMotion
     if isinstance(thing, Configuration):
+        start, begin = thing, 0.0
         motion = Floating([thing], np.zeros(1))
     else:
+        recorded = Motion.of(thing)
+        start, begin = recorded[0], float(recorded.t[0])
         flown = getattr(thing, "swept", None)
-        motion = flown if isinstance(flown, SweptMotion) else Recorded(Motion.of(thing))
-    bodies = Collisions(motion.arm, obstacles_of(obstacles, motion.arm), touching)
+        motion = flown if isinstance(flown, SweptMotion) else Recorded(recorded)
+    bodies = Collisions(motion.arm, obstacles_of(obstacles, start, begin), touching)
     if not bodies:
         few = "no two bodies with shapes" if bodies.bodies else "no shapes"
         raise UnsupportedError(

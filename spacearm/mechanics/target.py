@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -22,6 +23,7 @@ from spacearm.description.shapes import ignored_axes
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError, listed, require_known, warn
 from spacearm.mechanics.free_rotation import FreeRotation
+from spacearm.model.arm import Configuration
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.results import Cell, Column, Described, Description, Measure, Table
 from spacearm.signatures import checked
@@ -53,10 +55,13 @@ class Frame(NamedTuple):
 class Target(Described):
     """A free rigid body, such as debris to be caught: it drifts and tumbles without torque.
 
-    Its rotation is computed in closed form, at any time. With `orbit` it drifts relative to the
-    chaser by the equations of Clohessy and Wiltshire (J. Aerosp. Sci. 27, 653-658 (1960), DOI
-    10.2514/8.8704). `sa.plan` and `sa.collision_check` take it as an obstacle. `up_axes=True` turns
-    the meshes of its file by the up axes that they state, as `load` does.
+    Its rotation is computed in closed form, at any time. With `orbit` its CM moves relative to the
+    system CM of the chaser by the equations of Clohessy and Wiltshire (J. Aerosp. Sci. 27, 653-658
+    (1960), DOI 10.2514/8.8704). `sa.catch`, `sa.plan` and `sa.collision_check` take the position
+    and the velocity of that CM from their start; before a call of `at`, give it by `relative_to`.
+
+    `sa.plan` and `sa.collision_check` take a target as an obstacle. `up_axes=True` turns the meshes
+    of its file by the up axes that they state, as `load` does.
 
     Attributes:
         body: What it is: a `Bus`, or a URDF, SDF or MJCF whose links are all fixed to each other;
@@ -69,7 +74,11 @@ class Target(Described):
             axis of the hand does. Links without mass of a file count too.
         orbit: Orbital rate of the chaser [rad/s]; 0 far from any orbit. The inertial axes are then
             those of the orbit at time 0: x radial, outwards, y along the track and z normal to the
-            orbit. The system CM of the chaser is at the origin of the inertial frame.
+            orbit. The equations assume that the chaser is on a circular orbit, and that the target
+            is near it: the error grows with the square of their distance. The inertial frame moves
+            with the orbit such that the system CM of the chaser moves uniformly in it, with the
+            velocity p / M, p the linear momentum on board and M the mass. Without `relative_to`
+            that CM is at rest at the origin.
         name: What it is called. Default: the name of the body.
         tree: Its links, all fixed to each other.
 
@@ -96,6 +105,7 @@ class Target(Described):
     orbit: float
     name: str
     tree: Tree = field(init=False)
+    _chaser: tuple[Array, Array] = field(init=False)
 
     def __init__(
         self,
@@ -125,6 +135,7 @@ class Target(Described):
             grapples=MappingProxyType(marks | own),
             orbit=rate,
             name=name or tree.name,
+            _chaser=(np.zeros(3), np.zeros(3)),
         )
 
     @cached_property
@@ -183,11 +194,42 @@ class Target(Described):
         """
         time = float(finite(t, (), "t", "of time [s]"))
         R, w = self.rotation.at(time)
-        place, v = drift(*self.cm, time, self.orbit)
+        place, v = self._cm_at(time)
         local = self.frame(grapple) if grapple is not None else HERE
         lever = R @ (local.translation - self.com)
         pose = pin.SE3(R @ local.rotation, place + lever)
         return Frame(pose, np.concatenate((v + np.cross(w, lever), w)))
+
+    def relative_to(self, chaser: Configuration, t: float = 0.0) -> Target:
+        """Return the target with the chaser relative to which it drifts in its orbit.
+
+        The state of the target at time 0 stays the same. Without `orbit` nothing changes.
+
+        Args:
+            chaser: The chaser at time t. Its system CM moves at its linear momentum over its mass.
+            t: A time of the target [s].
+
+        Raises:
+            ConfigurationError: t is not finite.
+        """
+        time = float(finite(t, (), "t", "of time [s]"))
+        v = chaser.momentum[:3] / chaser.arm.mass
+        return self._seen_from(chaser.com - time * v, v)
+
+    def _seen_from(self, com: Array, v: Array) -> Target:
+        """Return the target with place [m] and velocity [m/s] of the chaser's CM at time 0."""
+        seen = copy(self)
+        seen.__dict__["_chaser"] = read_only(com), read_only(v)
+        return seen
+
+    def _cm_at(self, t: float) -> tuple[Array, Array]:
+        """Return place [m] and velocity [m/s] of its CM at a time [s], inertial frame."""
+        place, v = self.cm
+        if not self.orbit:
+            return drift(place, v, t, 0.0)
+        com, speed = self._chaser
+        r, dr = drift(place - com, v - speed, t, self.orbit)
+        return com + t * speed + r, speed + dr
 
     def frame(self, grapple: str) -> pin.SE3:
         """Return the pose of a grapple frame in its own frame.
@@ -206,18 +248,20 @@ class Target(Described):
             t0: A time [s].
             t1: The other.
         """
-        place, v = (np.linalg.norm(x) for x in drift(*self.cm, t0, self.orbit))
+        cm, v = self._cm_at(t0)
         span, tide = abs(t1 - t0), math.sqrt(2.0) * self.orbit
-        # the tide accelerates by at most 2 n^2 |r|
-        way = v * span
-        if tide:
-            way = place * (math.cosh(tide * span) - 1.0) + v * math.sinh(tide * span) / tide
+        way = float(np.linalg.norm(v)) * span
+        if tide:  # it accelerates by at most 2 n^2 |r|, r from the CM of the chaser
+            com, speed = self._chaser
+            r, dr = np.linalg.norm([cm - com - t0 * speed, v - speed], axis=1)
+            way = r * (math.cosh(tide * span) - 1.0) + dr * math.sinh(tide * span) / tide
+            way += float(np.linalg.norm(speed)) * span
         turn = min(self.rotation.fastest * span, 2.0)
         return float(way + (far + np.linalg.norm(self.com)) * turn)
 
     def replace(self, **changes: Any) -> Target:
         """Return the target with other values: another pose or twist, for example."""
-        return replace(self, **{"body": self.tree} | changes)
+        return replace(self, **{"body": self.tree} | changes)._seen_from(*self._chaser)
 
     def scaled(self, mass: float, inertia: float) -> Target:
         """Return the target with its mass and its inertia about the CM times factors.

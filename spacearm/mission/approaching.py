@@ -141,7 +141,7 @@ class Approach:
             touching = [link for lump in lumps for link in lump]
         require_known(f"link of {arm.name}", touching, arm.tree.links)
         return cls(
-            start, target, grapples, grapple, (float(early), float(late)),
+            start, target.relative_to(start), grapples, grapple, (float(early), float(late)),
             positive(approach, "approach", "distance [m]"),
             positive(closing, "closing", "speed [m/s]"), tuple(touching),
             np.array(most), constraints, mode, account or SearchAccount(math.inf),
@@ -639,7 +639,7 @@ class Approach:
 
     def _others(self, begin: float = 0.0) -> tuple[Obstacle, ...]:
         """Return the obstacles besides the target, as a motion meets them that begins at a time."""
-        given = obstacles_of(self.constraints.obstacles, self.start.arm)
+        given = obstacles_of(self.constraints.obstacles, self.start)
         return tuple(replace(one, begin=one.begin + begin) for one in given)
 
     def _around(self, begin: float) -> tuple[Obstacle, ...]:

@@ -176,7 +176,8 @@ class Catch(Result, kw_only=True):
         Raises:
             SpaceArmError: As `simulate_phases` raises.
         """
-        grasp = grasp_of(actual or self.target, self.t, self.chase[-1].tip)
+        target = (actual or self.target).relative_to(self.plan[0])
+        grasp = grasp_of(target, self.t, self.chase[-1].tip)
         begun = replace(self.plan, t=self.begin + self.plan.t)
         rests = replace(self.brake, t=self.brake.t - self.brake.t[-1])  # it has ended
         damper = self._damper() if plant.wheels is None else None

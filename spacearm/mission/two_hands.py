@@ -155,7 +155,7 @@ class HandsCatch(Catch, kw_only=True):
         Raises:
             SpaceArmError: As `simulate_phases` and `Held.simulate` raise.
         """
-        target, arm = actual or self.target, self.arm
+        target, arm = (actual or self.target).relative_to(self.plan[0]), self.arm
         total = self.t + float(self.brake.t[-1])
         begun = replace(self.plan, t=self.begin + self.plan.t)
         contacts, stands = sorted(set(self.grasped.values())), self.t - float(self.chase.t[-1])

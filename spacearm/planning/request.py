@@ -226,7 +226,7 @@ class PlanRequest:
             final_twist=twist,
             duration=None if duration is None else positive(duration, "duration", "time [s]"),
             constraints=constraints,
-            obstacles=obstacles_of(constraints.obstacles, arm),
+            obstacles=obstacles_of(constraints.obstacles, start),
             search=search,
             account=SearchAccount(float(search.timeout), search.progress),
         )

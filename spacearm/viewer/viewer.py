@@ -174,7 +174,7 @@ class Viewer:
             ConfigurationError: They are none.
         """
         with self._lock:
-            self._stage.obstruct(obstacles_of(obstacles, self.session.arm))
+            self._stage.obstruct(obstacles_of(obstacles, self.session.cfg))
         self._changed()
 
     # --- in the browser ---------------------------------------------------------------------

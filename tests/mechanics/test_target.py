@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import spacearm as sa
+from spacearm.collisions.obstacles import obstacles_of
 from spacearm.mechanics.free_rotation import FreeRotation, elliptic
 from spacearm.mechanics.target import drift
 
@@ -134,6 +135,89 @@ def test_drift_in_orbit_is_that_of_the_tide_in_inertial_axes(seed):
     np.testing.assert_allclose(speed, end[3:], rtol=0, atol=1e-10 * n * size + 1e-13)
 
 
+EARTH = 3.986004418e14  # gravitational parameter [m^3/s^2]
+
+
+@given(st.integers(0, 10**6))
+def test_in_orbit_the_distance_to_the_chaser_is_that_of_two_bodies_about_the_earth(seed):
+    """Both are integrated about the centre of the Earth; Clohessy and Wiltshire to first order.
+
+    The frame moves with the chaser's momentum on board, so that the chaser's CM is at com + p/M t.
+    """
+    rng = np.random.default_rng(seed)
+    R = rng.uniform(6.6e6, 7.5e6)
+    n, t = np.sqrt(EARTH / R**3), rng.uniform(60.0, 300.0)
+    start = planar(rng)
+    com, speed = start.com, start.momentum[:3] / start.arm.mass
+    target = debris(orbit=n).replace(pose=sa.pose(com + rng.normal(size=3) * 5.0))
+    place, v = target.cm
+
+    def rates(_, y):
+        pulls = [-EARTH * r / np.linalg.norm(r) ** 3 for r in (y[:3], y[6:9])]
+        return np.concatenate((y[3:6], pulls[0], y[9:], pulls[1]))
+
+    chaser = np.array([R, 0.0, 0.0, 0.0, n * R, 0.0])
+    other = chaser + np.concatenate((place - com, v - speed))
+    first = np.concatenate((chaser, other))
+    end = solve_ivp(rates, (0.0, t), first, method="DOP853", rtol=1e-13, atol=1e-9).y[:, -1]
+    near, at = end[6:9] - end[:3], target.relative_to(start).at(t)
+    r = at.pose.act(target.com) - com - t * speed
+    size = np.linalg.norm([place - com, near], axis=1).max()
+    second = 10.0 * size**2 / R * (n * t) ** 2  # what Clohessy and Wiltshire leave out
+    np.testing.assert_allclose(r, near, rtol=0, atol=second + 1e-7)
+    still = place - com + t * (v - speed)
+    assert np.linalg.norm(r - near) < 0.01 * np.linalg.norm(still - near)
+
+
+def planar(rng) -> sa.Configuration:
+    """A chaser up to hundreds of metres from the origin, with linear momentum on board."""
+    arm = sa.load("planar2")
+    there = sa.pose(rng.normal(size=3) * 100.0)
+    return arm.at([0.5, 0.5], base=there, momentum=np.append(rng.normal(size=3) * 0.1, np.zeros(3)))
+
+
+def test_relative_motion_in_orbit_does_not_depend_on_where_the_origin_is():
+    """Both 50 m off radially, in free fall: about the origin the tide would move them 13.6 mm."""
+    n, off = 0.0011, np.array([50.0, 0.0, 0.0])
+    arm = sa.load("planar2")
+    near, far = (arm.at([0.5, 0.5], base=sa.pose(place)) for place in (np.zeros(3), off))
+    target = debris(orbit=n)
+    moved = target.replace(pose=sa.pose(target.pose.translation + off, (0.3, 0, 1)))
+    a, b = target.relative_to(near), moved.relative_to(far)
+    for t in (0.0, 15.0, 300.0):
+        assert np.allclose(
+            b.at(t).pose.translation - far.com,
+            a.at(t).pose.translation - near.com,
+            rtol=0.0,
+            atol=1e-12,
+        )
+    wrong = np.linalg.norm(moved.at(15.0).pose.translation - b.at(15.0).pose.translation)
+    assert wrong == pytest.approx(n**2 * (50.0 + near.com[0]) * 15.0**2, rel=1e-2)
+    np.testing.assert_array_equal(b.at(0.0).twist, moved.at(0.0).twist)
+
+
+def test_the_chaser_of_a_target_is_kept_by_its_copies_and_known_to_its_obstacles():
+    """The reference passes to replaced and scaled targets; an obstacle that begins later shares it.
+
+    Linear momentum counts: the chaser's CM at the beginning is where the momentum has brought it.
+    """
+    start = planar(np.random.default_rng(3))
+    drifted = start.centred(start.com + 30.0 * start.momentum[:3] / start.arm.mass)
+    target = debris(orbit=0.0011)
+    seen = target.relative_to(start)
+    whole = seen.at(100.0).pose.translation
+    assert np.linalg.norm(whole - target.at(100.0).pose.translation) > 1e-3
+    same = [
+        seen.replace(name="other"),
+        seen.scaled(2.0, 2.0),
+        target.relative_to(drifted, 30.0),
+        obstacles_of(sa.Obstacle.of_target(target, begin=30.0), drifted)[0].target,
+        obstacles_of(target, drifted, 30.0)[0].target,
+    ]
+    for one in same:
+        np.testing.assert_allclose(one.at(100.0).pose.translation, whole, rtol=0, atol=1e-10)
+
+
 def test_five_metres_of_radial_offset_give_three_centimetres_in_a_minute():
     """Theory, section 10: at rest in the axes that turn with a low orbit."""
     n = 0.00113
@@ -172,6 +256,7 @@ def test_no_point_moves_farther_than_the_bound(seed):
     """`Target.moved` bounds the way of any point between two times."""
     rng = np.random.default_rng(seed)
     target = debris(orbit=rng.choice([0.0, 0.0011]), twist=rng.normal(size=6) * 0.1)
+    target = target.relative_to(planar(rng))
     point = rng.normal(size=3)
     t0, t1 = np.sort(rng.uniform(0.0, 300.0, 2))
     way = np.linalg.norm(target.at(t1).pose.act(point) - target.at(t0).pose.act(point))

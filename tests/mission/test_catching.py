@@ -53,6 +53,62 @@ def test_at_contact_the_tip_has_pose_and_twist_of_the_frame(caught):
     assert np.abs(caught.twist_error).max() < 2e-6
 
 
+def in_orbit(off, momentum=(0.0,) * 6) -> Approach:
+    """A catch that is asked for in low orbit, all of it shifted by off [m]."""
+    start = sa.load("chaser7").at(START, base=sa.pose(off), momentum=momentum)
+    other = tumbling(start, name="other", orbit=0.0011).replace(
+        pose=sa.pose(np.add(off, (0.0, 9.0, 0.0)))
+    )
+    return Approach.of(
+        start, tumbling(start, orbit=0.0011), None, (30, 40), 0.2, 0.05, None, (np.inf, np.inf),
+        sa.Constraints(obstacles=other), "free-floating",
+    )  # fmt: skip
+
+
+def test_in_orbit_target_and_obstacles_drift_relative_to_the_cm_of_the_chaser():
+    """The same 50 m off radially; a later beginning of a motion changes nothing."""
+    here, there = in_orbit(np.zeros(3)), in_orbit([50.0, 0.0, 0.0])
+    for one, other in zip(here._around(0.0), there._around(0.0), strict=True):
+        for a, b in zip(one.poses(30.0), other.poses(30.0), strict=True):
+            moved = b.translation - a.translation
+            np.testing.assert_allclose(moved, [50.0, 0.0, 0.0], rtol=0, atol=1e-12)
+    for one, late in zip(there._around(0.0), there._around(12.0), strict=True):
+        for a, b in zip(one.poses(30.0), late.poses(18.0), strict=True):
+            np.testing.assert_allclose(a.homogeneous, b.homogeneous, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_linear_momentum_on_board_counts_in_orbit(number):
+    """In the axes of the chaser's CM all moves as if its velocity were that of the frame.
+
+    Number 0 is the obstacle, 1 the target.
+    """
+    velocity, t, n = np.array([0.03, -0.02, 0.01]), 300.0, 0.0011
+    still = in_orbit(np.zeros(3))
+    p = velocity * still.start.arm.mass
+    drifts = in_orbit(np.zeros(3), np.append(p, np.zeros(3)))
+    a, b = still._around(0.0)[number].target, drifts._around(0.0)[number].target
+    faster = b.replace(twist=b.twist + np.append(velocity, np.zeros(3)))
+    seen = faster.at(t).pose.translation - t * velocity
+    np.testing.assert_allclose(seen, a.at(t).pose.translation, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(faster.at(t).twist[:3], a.at(t).twist[:3] + velocity, atol=1e-12)
+    ignored = a.replace(twist=faster.twist).at(t).pose.translation - t * velocity
+    assert np.linalg.norm(ignored - seen) > 0.5 * n * t * 0.01
+
+
+@pytest.mark.slow
+def test_a_catch_in_orbit_far_from_the_origin_strikes_nothing():
+    """With linear momentum on board too; flown with the target as the caller gave it."""
+    off, momentum = [80.0, -40.0, 20.0], (10.0, 5.0, -5.0, 0.0, 0.0, 0.0)
+    start = sa.load("chaser7").at(START, base=sa.pose(off), momentum=momentum)
+    target = tumbling(start, orbit=0.0011)
+    found = sa.catch(start, target, window=(12, 20), wanted=1, search=STRAIGHT)
+    for flight in (found.fly(integration=COARSE), found.fly(target, integration=COARSE)):
+        assert flight.captures[0].energy_lost < 1e-9
+    blind = found.target.at(found.t).pose.translation - target.at(found.t).pose.translation
+    assert np.linalg.norm(blind) > 1e-3
+
+
 def torques_between(motion, parts: int) -> np.ndarray:
     """Largest joint torques of a motion as flown, at so many instants of each interval.
 
