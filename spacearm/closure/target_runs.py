@@ -34,7 +34,7 @@ from spacearm.mechanics.floating import samples
 from spacearm.model.arm import Configuration, kinematics
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
-from spacearm.motion.controllers import Controller
+from spacearm.motion.controllers import Controller, memory_at_start
 from spacearm.motion.events import Event, first_fall
 from spacearm.motion.goal import twist_between
 from spacearm.motion.motion import Trajectory
@@ -264,6 +264,11 @@ class Simulation:
             raise errors.UnsupportedError(
                 f"wrenches on {links} are not simulated with a held target; give wheels, passive "
                 "and limits of the plant only"
+            )
+        if len(memory_at_start(controller, carrying.start)):
+            raise errors.UnsupportedError(
+                f"{type(controller).__name__} has a memory, and a held target is simulated without "
+                "a control period; give a law without memory"
             )
         self.system = System(carrying.start, plant=plant)
         ready = prepared(self.system, trace=False)

@@ -135,6 +135,8 @@ class Law(NamedTuple):
         rests: Whether a redundant arm tends to its posture of rest.
         rank: Number of directions that the spacecraft can be turned in.
         least: Share of the largest singular value below which J* has no inverse.
+        memory: How many numbers it remembers from one control instant to the next. A source of such
+            a law takes them too, and gives the next ones after the torques.
     """
 
     kind: str
@@ -149,6 +151,7 @@ class Law(NamedTuple):
     rests: bool = False
     rank: int = 0
     least: float = 0.0
+    memory: int = 0
 
     def numbers(self, n: int) -> tuple[tuple[str, tuple[int, ...]], ...]:
         """Return names and shapes of its numbers, for an arm of n joints."""
@@ -157,7 +160,8 @@ class Law(NamedTuple):
             return ()
         if self.kind == "joints":
             fixed = () if self.source else (("target", (n,)),)
-            return (("kp", (n,)), ("kd", (n,)), *fixed)
+            integral = (("ki", (n,)), ("limit", (n,))) if self.memory else ()
+            return (("kp", (n,)), ("kd", (n,)), *integral, *fixed)
         fixed = () if self.source else (("target", (12,) if self.pose else k),)
         if self.kind == "transposed":
             return (("kp", k), ("kd", k), *fixed)
@@ -174,7 +178,9 @@ class Law(NamedTuple):
         """Return how many numbers its function outside gives; 0 if it has none."""
         if self.source != "outside":
             return 0
-        if self.kind in ("own", "joints"):
+        if self.kind == "own":
+            return n + self.memory
+        if self.kind == "joints":
             return n
         return 12 if self.pose else len(self.rows)
 
@@ -214,9 +220,12 @@ class State(NamedTuple):
 
 
 def law_torques(
-    xp: Any, state: State, law: Law, numbers: Mapping[str, Any], call: Callable[..., Any] | None
-) -> Any:
+    xp: Any, state: State, law: Law, numbers: Mapping[str, Any], call: Callable[..., Any] | None,
+    memory: Any = None,
+) -> Any:  # fmt: skip
     """Compute the torques (n,) of a law; NaN where it gives none.
+
+    What a law with a memory remembers next (m,) stands after its torques.
 
     Args:
         xp: The array library.
@@ -225,15 +234,20 @@ def law_torques(
         numbers: Its numbers, by the names of `Law.numbers`.
         call: Its function outside, if it has one: of (1 + states,) time and state of a user's law,
             of (1,) time of a target.
+        memory: (m,) what it remembers, if it has a memory.
     """
+    remembered = [memory] if law.memory else []
     if law.kind == "own":
         if callable(law.source):
-            tau = xp.asarray(law.source(xp, state))
+            tau = xp.asarray(law.source(xp, state, *remembered))
         else:
-            tau = called(xp, call, xp.concatenate([xp.stack([state.t]), state.y]))
+            tau = called(xp, call, xp.concatenate([xp.stack([state.t]), state.y, *remembered]))
     elif law.kind == "joints":
         error = _target(xp, law, numbers, call, state.t) - state.q
         tau = joint_pd(numbers["kp"], numbers["kd"], error, state.dq)
+        if law.memory:
+            gains = numbers["ki"], numbers["limit"]
+            tau = xp.concatenate(joint_integral(xp, *gains, tau, error, state.t, memory))
     else:
         J = law_jacobian(xp, state, law)
         error, feed = law_errors(xp, state, law, numbers, call)
@@ -243,7 +257,9 @@ def law_torques(
             rates = _rates(xp, state, law, numbers, J, feed + numbers["gain"] * error)
             tree, wanted = replace(state.tree, mode=law.mode), numbers["servo"] * (rates - state.dq)
             tau = inverse_dynamics(xp, tree, state.at, state.dq, wanted)
-    return tau if law.joints is None else np.array(law.joints) * tau
+    if law.joints is None:
+        return tau
+    return np.append(law.joints, np.ones(law.memory)) * tau
 
 
 def _rates(xp: Any, state: State, law: Law, numbers: Mapping[str, Any], J: Any, wanted: Any) -> Any:
@@ -263,6 +279,37 @@ def _rates(xp: Any, state: State, law: Law, numbers: Mapping[str, Any], J: Any, 
 def joint_pd(kp: Any, kd: Any, error: Any, dq: Any) -> Any:
     """Compute K_p (q_des - q) - K_d dq."""
     return kp * error - kd * dq
+
+
+def joint_integral(
+    xp: Any, ki: Any, limit: Any, tau: Any, error: Any, t: Any, memory: Any
+) -> tuple[Any, Any]:
+    """Add an integral term to torques (n,) and cut the sum to the limits.
+
+    The integral is a sum over the control instants: of the error, times the time since the instant
+    before. It stops where a larger one would lead farther beyond the limit (conditional
+    integration): Åström & Hägglund, Advanced PID Control (2006), section 3.5.
+
+    Args:
+        xp: The array library.
+        ki: (n,) gains of the integral.
+        limit: (n,) largest torques.
+        tau: (n,) torques without it.
+        error: (n,) target minus what is there.
+        t: The time [s].
+        memory: (n + 1,) the integral, and the time of the instant before.
+
+    Returns:
+        The torques (n,), and what the memory is next (n + 1,).
+    """
+    before, last = memory[:-1], memory[-1]
+    integral = before + (t - last) * error
+    asked = tau + ki * integral
+    beyond = xp.logical_and(xp.absolute(asked) > limit, ki * error * asked > 0.0)
+    integral = xp.where(beyond, before, integral)
+    asked = tau + ki * integral
+    cut = xp.where(asked > limit, limit, xp.where(asked < -limit, -limit, asked))
+    return cut, xp.concatenate([integral, xp.stack([t])])
 
 
 def transposed(J: Any, kp: Any, kd: Any, error: Any, feed: Any, dq: Any) -> Any:

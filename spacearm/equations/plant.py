@@ -168,18 +168,32 @@ def moving(
 
 def torques(
     xp: Any, tree: Structure, p: Parameters, t: Any, y: Any, laws: Any, plant: Any, *,
-    setup: Setup, **calls: Callable[..., Any],
+    setup: Setup, memory: Any = None, **calls: Callable[..., Any],
 ) -> Any:  # fmt: skip
-    """Compute the torques (n,) that the laws ask for; see `state_rate`."""
-    return _asked(xp, moving(xp, tree, p, t, y, laws, plant, setup), setup, calls)
+    """Compute the torques (n,) that the laws ask for; see `state_rate`.
+
+    The next memory (M,) of the laws stands after the torques, one law after the other; `memory`
+    (M,) is the one that they have.
+    """
+    return _asked(xp, moving(xp, tree, p, t, y, laws, plant, setup), setup, calls, memory)
 
 
-def _asked(xp: Any, now: State, setup: Setup, calls: Calls) -> Any:
-    """Compute the torques (n,) that the laws ask for."""
-    tau = np.zeros(now.tree.n)
+def _asked(xp: Any, now: State, setup: Setup, calls: Calls, memory: Any = None) -> Any:
+    """Compute the torques (n,) that the laws ask for, and their next memory; see `torques`."""
+    n, first = now.tree.n, 0
+    tau: Any = np.zeros(n)
+    following: list[Any] = []
     for i, (law, numbers) in enumerate(zip(setup.laws, now.own, strict=True)):
-        tau = tau + control.law_torques(xp, now, law, numbers, calls.get(law.name(i)))
-    return tau
+        call = calls.get(law.name(i))
+        if not law.memory:
+            tau = tau + control.law_torques(xp, now, law, numbers, call)
+            continue
+        own = memory[first : first + law.memory]
+        found = control.law_torques(xp, now, law, numbers, call, own)
+        tau = tau + found[:n]
+        following.append(found[n:])
+        first += law.memory
+    return xp.concatenate([tau, *following]) if following else tau
 
 
 def cut_torques(xp: Any, tau: Any, dq: Any, effort: Any, speed: Any) -> Any:

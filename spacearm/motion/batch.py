@@ -408,14 +408,17 @@ class Outside:
 
     Args:
         prepared: The runs.
-        states: Length of a state, which users' laws and events are given.
+        states: Length of a state, which users' laws and events are given. Laws with a memory are
+            given it after the state.
     """
 
     def __init__(self, prepared: Sequence[Prepared], states: int) -> None:
         setup, self.functions = prepared[0].setup, [one.outside for one in prepared]
-        whole = {law.name(i) for i, law in enumerate(setup.laws) if law.kind == "own"}
-        whole |= {f"event{i}" for i in range(len(setup.events))}
-        self.given = {name: 1 + states * (name in whole) for name in self.functions[0]}
+        self.given = dict.fromkeys(self.functions[0], 1)
+        self.given |= {f"event{i}": 1 + states for i in range(len(setup.events))}
+        for i, law in enumerate(setup.laws):
+            if law.kind == "own":
+                self.given[law.name(i)] = 1 + states + law.memory
         self.errors: list[BaseException | None] = [None] * len(prepared)
         self.interrupted = False
         self._views: dict[tuple[int, int], Array] = {}

@@ -4,20 +4,35 @@ A controller is anything that is called as controller(t, cfg, dq) and returns (n
 here are plain data. Their `mode` selects the Jacobian: "fixed" is the law of an earth-bound arm,
 which shows on a floating one what happens if the motion of the spacecraft is ignored.
 
+A controller with a memory is called as controller(t, cfg, dq, memory). It has `memory0`, the (m,)
+memory at the start or a function of the configuration there, and `update(t, cfg, dq, memory)`,
+which returns the memory for the next control instant.
+
 Some laws ask for joint rates. Inverse dynamics gives their torques, such that the joints take up
 these rates with the time constant 1 / `servo`.
 """
 
 from __future__ import annotations
 
+import inspect
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from spacearm.arrays import Array, ArrayLike, Parameters, finite, positive, within
+from spacearm.arrays import (
+    SMALLEST,
+    Array,
+    ArrayLike,
+    Parameters,
+    finite,
+    positive,
+    shape_of,
+    within,
+)
 from spacearm.compiler import numbers
 from spacearm.equations import laws
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
@@ -28,12 +43,16 @@ from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.joints import joint_vector
 from spacearm.motion.goal import Goal, goal_pose, goal_rows, miss, out_of_reach, twist_between
 from spacearm.motion.motion import Motion
-from spacearm.signatures import checked
+from spacearm.signatures import checked, shown
 from spacearm.singularities.report import NO_INVERSE
 
 Controller = Callable[[float, Configuration, Array], ArrayLike]
+#: A controller with a memory, with `memory0` and `update`.
+MemoryController = Callable[[float, Configuration, Array, Array], ArrayLike]
 #: A controller, or one for each tip by its name.
-Laws: TypeAlias = Controller | Mapping[str, Controller]
+Laws: TypeAlias = (
+    Controller | MemoryController | Mapping[str, Controller] | Mapping[str, MemoryController]
+)
 #: A goal, or a function of time [s] that gives one: a moving target, or a path and the speed.
 MovingGoal: TypeAlias = Goal | Callable[[float], Goal]
 #: Largest rate at which a law takes up rates or errors [1/s]: faster ones take steps too small.
@@ -257,22 +276,66 @@ class Reactionless(DampedLeastSquares):
 @checked
 @dataclass(frozen=True)
 class JointPD(Law):
-    """tau = K_p (q_des - q) - K_d dq.
+    """tau = K_p (q_des - q) - K_d dq + K_i int (q_des - q) dt.
+
+    With an integral term the law has a memory and needs a control period: simulate it with
+    `sampling=sa.Sampling(period=...)`. The integral is the sum over the control instants of the
+    error times the time since the instant before. It stops growing while the torque is at its
+    limit (anti-windup by conditional integration: Åström & Hägglund, Advanced PID Control (2006),
+    section 3.5).
 
     Attributes:
         target: (n,) joint positions [rad] or [m], or a function of time that gives them.
         kp: Stiffness, one number or one per joint.
         kd: Damping, likewise.
+        ki: Gain of the integral term [N m/(rad s)] or [N/(m s)], likewise; 0 for none.
+        limit: Largest torque of a law with an integral term [N m] or [N], one number or one per
+            joint; the torque is cut to it.
     """
 
     target: ArrayLike | Callable[[float], ArrayLike]
     kp: ArrayLike
     kd: ArrayLike
+    ki: ArrayLike = 0.0
+    limit: ArrayLike = np.inf
 
-    def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
-        """Return the torques (n,) [N m] or forces [N]."""
+    def memory0(self, cfg: Configuration) -> Array | None:
+        """Return the memory (n + 1,) at the start; None without an integral term.
+
+        It is the integral of the error [rad s] or [m s], and the time of the last instant [s].
+
+        Raises:
+            ConfigurationError: There is a limit and no integral term.
+        """
+        n = cfg.arm.n
+        limits = torque_limits(self.limit, n)
+        if np.any(gains(self.ki, n, "ki")):
+            return np.zeros(n + 1)
+        if np.isfinite(limits).any():
+            raise ConfigurationError(
+                f"limit is {shown(self.limit)} and ki is 0; it holds for a law with an integral "
+                "term only. Give ki, or cut the torques by plant=sa.Plant(limits=True)"
+            )
+        return None
+
+    def __call__(
+        self, t: float, cfg: Configuration, dq: Array, memory: Array | None = None
+    ) -> Array:
+        """Return the torques (n,) [N m] or forces [N]; `memory` is that of the integral term."""
         kp, kd = gains(self.kp, len(dq), "kp"), gains(self.kd, len(dq), "kd")
-        return laws.joint_pd(kp, kd, self.error(t, cfg), dq)
+        tau = laws.joint_pd(kp, kd, self.error(t, cfg), dq)
+        return tau if memory is None else self._integral(t, cfg, tau, memory)[0]
+
+    def update(self, t: float, cfg: Configuration, dq: Array, memory: Array) -> Array:
+        """Return the memory (n + 1,) for the next control instant."""
+        return self._integral(t, cfg, self(t, cfg, dq), memory)[1]
+
+    def _integral(
+        self, t: float, cfg: Configuration, tau: Array, memory: Array
+    ) -> tuple[Array, Array]:
+        """Return torques with the integral term, and the memory next."""
+        ki, limit = gains(self.ki, len(tau), "ki"), torque_limits(self.limit, len(tau))
+        return laws.joint_integral(numbers, ki, limit, tau, self.error(t, cfg), t, memory)
 
     def error(self, t: float, cfg: Configuration) -> Array:
         """Return q_des - q (n,) [rad] or [m]."""
@@ -309,6 +372,53 @@ def gains(values: ArrayLike, rows: int, name: str) -> Array:
     if np.iterable(values):
         return finite(values, (rows,), name, "(gains, one for each row), or one for all rows")
     return finite(values, (), name, f"(a gain), or {rows}, one for each row")
+
+
+def torque_limits(values: ArrayLike, n: int) -> Array:
+    """Return the largest torque of each of n joints [N m] or [N], inf where there is no limit."""
+    listed: list[Any] = list(values) if isinstance(values, Iterable) else [values]
+    if len(listed) not in (1, n):
+        raise ConfigurationError(
+            f"limit is {shown(values)}; give the largest torque, or {n}, one for each joint"
+        )
+    limits = [within(value, "limit", SMALLEST, math.inf, "a torque") for value in listed]
+    return np.broadcast_to(np.array(limits), n)
+
+
+def memory_at_start(controller: Controller, cfg: Configuration) -> Array:
+    """Return what a law remembers at the start (m,), empty if it has no memory.
+
+    Raises:
+        ConfigurationError: Its `memory0` is not a vector of finite numbers, or it has no `update`.
+    """
+    given = getattr(controller, "memory0", None)
+    values = given(cfg) if callable(given) else given
+    if values is None:
+        if not isinstance(controller, Law) and not _takes(controller, cfg, 3):
+            raise ConfigurationError(
+                f"{type(controller).__name__} takes a memory and has no memory0; define memory0, "
+                "an (m,) array or a function of the configuration at the start"
+            )
+        return np.zeros(0)
+    name = f"memory0 of {type(controller).__name__}"
+    size = shape_of(values)
+    if len(size) != 1 or size[0] == 0:
+        raise ConfigurationError(f"{name} is {shown(values)}; give an (m,) array of finite numbers")
+    if not callable(getattr(controller, "update", None)):
+        raise ConfigurationError(
+            f"{type(controller).__name__} has memory0 and no update; define update(t, cfg, dq, "
+            "memory), which returns the next memory (m,)"
+        )
+    return finite(values, size, name)
+
+
+def _takes(controller: Controller, cfg: Configuration, count: int) -> bool:
+    """Return whether a controller takes so many arguments, as far as its signature is known."""
+    try:
+        inspect.signature(controller).bind(*[cfg] * count)
+    except (TypeError, ValueError) as error:
+        return isinstance(error, ValueError)
+    return True
 
 
 def check_target(controller: Controller, cfg: Configuration) -> None:

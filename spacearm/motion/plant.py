@@ -207,7 +207,8 @@ class Sampling(Parameters):
 
     At each multiple of the period it gets what the sensors measure. Its torques act after the
     delay, until the next ones do. Noise is normally distributed, drawn anew at each sample. The
-    system CM, the momentum and what wheels hold are known exactly.
+    system CM, the momentum and what wheels hold are known exactly. A controller with a memory
+    updates it at each sample; see `simulate`.
 
     Attributes:
         period: Time between two samples [s].

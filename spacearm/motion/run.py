@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from spacearm.model.arguments import free_components
 from spacearm.model.joints import joint_scales
 from spacearm.motion import events
 from spacearm.motion.batch import Batch, Steps
+from spacearm.motion.controllers import Controller
 from spacearm.motion.motion import Trajectory
 from spacearm.motion.plant import Integration, Sampling
 from spacearm.motion.system import Prepared, System, WantedEvent, motor_loads
@@ -343,6 +344,7 @@ class Runs:
         self.at = first.parts
         self.events: list[list[events.Event]] = [[] for _ in range(m)]
         self.torques: list[tuple[float, Array]] = []
+        self.memory = np.array([system.memory for system in systems])
         self.ended, self.fault = ["duration"] * m, [""] * m
         self._begun = False
 
@@ -395,10 +397,13 @@ class Runs:
             if k * period <= t + SAME * period and t < end and len(going):
                 tau = np.zeros((len(batch), batch.n))
                 seen = {"t": batch.t[going], "y": sensors.measured(going, batch.y[going])}
-                tau[going] = batch.compute(torques, going, seen)
-                for run in going[~np.isfinite(tau[going]).all(axis=1)]:
+                if self.memory.size:
+                    seen["memory"] = self.memory[going]
+                asked = batch.compute(torques, going, seen)
+                for run in going[~np.isfinite(asked).all(axis=1)]:
                     batch.status[run] = FAILED
                     self._fail(int(run))
+                tau[going], self.memory[going] = np.split(asked, [batch.n], axis=1)
                 waiting.append((k * period + sampling.delay, tau))
                 k += 1
             while waiting and waiting[0][0] <= t + SAME * period:
@@ -463,15 +468,24 @@ class Runs:
             there[:n] += ahead * dq
             cfg = system.configuration(there)
             try:
-                for law in system.controllers.values():
-                    law(t + ahead, cfg, dq)
+                for law, memory in self._remembering(run):
+                    law(t + ahead, cfg, dq, *memory)
             except SpaceArmError as error:
                 return failed, error
         try:
             forward_dynamics(system.configuration(y), dq, np.zeros(n), mode=system.mode)
         except SpaceArmError as error:
             return "equations failed", error
-        return failed, NoSolutionError("the controller's torque is not finite", None)
+        what = "torque or memory" if self.memory.size else "torque"
+        return failed, NoSolutionError(f"the controller's {what} is not finite", None)
+
+    def _remembering(self, run: int) -> Iterator[tuple[Controller, list[Array]]]:
+        """Return the laws of a run, each with its memory if it has one."""
+        system, first = self.systems[run], 0
+        for law, start in zip(system.controllers.values(), system.memories, strict=True):
+            last = first + len(start)
+            yield law, [self.memory[run, first:last].copy()] if len(start) else []
+            first = last
 
     def finish(self) -> None:
         """Write the ends as the last outputs."""
@@ -545,6 +559,8 @@ class Runs:
         ends = np.stack((self.outputs[:, 0], self.outputs[every, last]), axis=1)
         t = np.stack((np.zeros(m), batch.t), axis=1)
         given = {"t": t.ravel(), "y": ends.reshape(2 * m, -1)}
+        if batch.held is not None:
+            given["held"] = np.zeros((2 * m, n))  # the energy needs no torques
         seen = Observed(*batch.compute(observe, np.repeat(every, 2), given))
         energy, works = seen.energy.reshape(m, 2), ends[:, 1, at.works].sum(axis=1)
         turnover = energy.max(axis=1) + batch.exchanged

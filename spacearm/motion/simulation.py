@@ -62,10 +62,14 @@ def simulate(
         start: The configuration at the start: joint positions, pose of the spacecraft, what the
             wheels hold, and the momentum. Where the spacecraft's attitude is controlled only the
             linear momentum counts.
-        controller: Called as controller(t, cfg, dq), returns (n,) torques [N m] or forces [N]; at
-            times in any order, so it must have no memory. Plain array code is compiled, other code
-            is called in Python. For an arm with several tips: `sa.Tracking` of a motion of all
-            joints, or a law for each tip by its name, which acts on the joints that move that tip.
+        controller: Called as controller(t, cfg, dq), returns (n,) torques [N m] or forces [N].
+            Without `sampling` it is called at non-monotonic times, so it must be stateless. With
+            `sampling` it may have a memory (m,): `memory0`, an array or a function of the start,
+            and `update(t, cfg, dq, memory)`, which returns the next memory. It is then called as
+            controller(t, cfg, dq, memory), and each run begins with `memory0`. Plain array code is
+            compiled, other code is called in Python. For an arm with several tips: `sa.Tracking` of
+            a motion of all joints, or a law for each tip by its name, which acts on the joints that
+            move that tip.
         duration: How long [s].
         dq: (n,) joint rates at the start [rad/s] or [m/s]; zeros if None.
         mode: What the spacecraft does; see `generalized_jacobian`.
@@ -83,7 +87,8 @@ def simulate(
         The trajectory; after Ctrl-C, what there is of it, with `ended` "interrupted".
 
     Raises:
-        ConfigurationError: An argument does not make sense, or the target is out of reach.
+        ConfigurationError: An argument does not make sense, the target is out of reach, or a
+            controller with a memory has no control period.
         UnsupportedError: The arm has several tips and one controller, or no wheels to hold.
         NoSolutionError: The controller gave no torques, the step collapsed, or the balance of
             energy or momentum is off: carries the trajectory so far, None before the first step.
@@ -100,6 +105,7 @@ def simulate(
     if mode != "fixed" and not start.momentum[:3].any() and not plant.pushed and len(arm.tips) == 1:
         for one in system.controllers.values():
             check_target(one, system.start)
+    _check_period([system], sampling)
     ready = prepared(system, wanted_events(system, integration, stop))
     run = Runs([system], [ready], integration.times(duration), duration, integration)
     _advance(run, duration, sampling, progress)
@@ -111,6 +117,17 @@ def simulate(
         raise NoSolutionError(f"{arm.name}: {fault}", result)
     audit(result, run.drift, integration)
     return result
+
+
+def _check_period(systems: Sequence[System], sampling: Sampling | None) -> None:
+    """Refuse a law with a memory that has no control period."""
+    for system in systems if sampling is None else ():
+        for law, memory in zip(system.controllers.values(), system.memories, strict=True):
+            if len(memory):
+                raise ConfigurationError(
+                    f"{type(law).__name__} has a memory, and a memory needs a control period; give "
+                    "sampling=sa.Sampling(period=...)"
+                )
 
 
 def _advance(run: Runs, duration: float, sampling: Sampling | None, progress: Progress) -> None:
@@ -140,12 +157,13 @@ def audit(result: Trajectory, drift: float, integration: Integration) -> None:
 
 def _by_tip(arm: SpaceArm, controller: Laws) -> dict[int, Controller]:
     """Return the controllers by the number of the tip that they lead, -1 for all joints."""
-    if not isinstance(controller, Mapping):
+    laws: Any = controller
+    if not isinstance(laws, Mapping):
         if not isinstance(controller, Tracking):  # which leads all joints, of whatever tips
             arm.require_one_tip()
-        return {-1: controller}
-    require_known("tip", controller, arm.tips)
-    return {arm.tips.index(tip): law for tip, law in controller.items()}
+        return {-1: laws}
+    require_known("tip", laws, arm.tips)
+    return {arm.tips.index(tip): law for tip, law in laws.items()}
 
 
 #: What dispersions of many runs need.
@@ -215,7 +233,8 @@ def simulate_many(
         `called` names the functions that were called in Python, and why.
 
     Raises:
-        ConfigurationError: An argument does not make sense.
+        ConfigurationError: An argument does not make sense, or a controller with a memory has no
+            control period.
         UnsupportedError: The arm has several tips and one controller, or no wheels to hold.
 
     Example:
@@ -251,6 +270,7 @@ def simulate_many(
         System(listed[i % len(listed)], mode, plant, _by_tip(arm, laws[i % len(laws)]), rates[i])
         for i in range(m)
     ]
+    _check_period(systems, sampling)
     if sampling is not None:
         sampling.noise(arm.n)  # raises for one that makes no sense
     ready = _prepared_all(systems, stop, integration)
@@ -329,7 +349,9 @@ def _prepared_all(
         return prepared(system, wanted, trace=len(laws) <= KINDS)
 
     known = ready(first)
+    memories = {tuple(map(len, one.memories)) for one in systems}
     differ = len(laws) > 1 or any(one.arm is not first.arm for one in systems)
+    differ = differ or len(memories) > 1
     if differ or known.outside or first.mode == "fixed" or first.hold:
         return [ready(system) for system in systems]
     return [known] * len(systems)

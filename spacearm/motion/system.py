@@ -33,7 +33,7 @@ from spacearm.model.joints import joint_name, joint_vector
 from spacearm.motion import controllers as law_types
 from spacearm.motion import plant as plants
 from spacearm.motion import user_functions as users
-from spacearm.motion.controllers import Controller, JointPD, gains
+from spacearm.motion.controllers import Controller, JointPD, gains, memory_at_start, torque_limits
 from spacearm.motion.events import CLOSE, EVENTS, has_determinant
 from spacearm.motion.goal import goal_normal
 from spacearm.motion.plant import Integration, MotorLoad, PassiveJoint, Plant, WheelHold
@@ -82,6 +82,7 @@ class System:
         require_known("link", [link for link, *_ in self.plant.pushed], arm.tree.links)
         for name in self.passive:
             joint_name(arm, name)
+        _ = self.memories  # raises for one that makes no sense
         if self.plant.wheels is None:
             return
         if self.mode != "free-floating":
@@ -107,6 +108,16 @@ class System:
     def motors(self) -> plants.Motors | None:
         """The torques of the wheels over time, if they are given."""
         return None if isinstance(self.plant.wheels, WheelHold) else self.plant.wheels
+
+    @cached_property
+    def memories(self) -> tuple[Array, ...]:
+        """What each law remembers at the start (m,), empty if it has no memory."""
+        return tuple(memory_at_start(law, self.start) for law in self.controllers.values())
+
+    @property
+    def memory(self) -> Array:
+        """What all laws remember at the start (M,), one law after the other."""
+        return np.concatenate((np.zeros(0), *self.memories))
 
     @cached_property
     def passive(self) -> Mapping[str, PassiveJoint]:
@@ -280,22 +291,36 @@ class Preparation:
     def law(self, i: int, controller: Controller) -> Source:
         """Return a law as a source."""
         system, seen = self.system, users.over_symbols(controller)
-        arm, at = system.arm, system.parts
+        arm, at, start = system.arm, system.parts, system.memories[i]
+        update: Any = getattr(controller, "update", None)
+        updated = users.over_symbols(update) if len(start) else None
 
-        def outside(t: float, y: Array) -> Array:
-            tau = controller(t, system.configuration(y), y[at.dq].copy())
-            return joint_vector(arm, tau, "the controller's torque")
+        def outside(t: float, given: Array) -> Array:
+            y, memory = np.split(given, [at.wheels.stop])
+            cfg, remembered = system.configuration(y), [memory] if len(start) else []
+            tau = controller(t, cfg, y[at.dq].copy(), *map(np.copy, remembered))
+            tau = joint_vector(arm, tau, "the controller's torque")
+            if updated is None:
+                return tau
+            following = update(t, cfg, y[at.dq].copy(), memory.copy())
+            following = finite(following, start.shape, "the next memory of the controller")
+            return np.concatenate((tau, following))
 
-        def of_state(xp: Any, state: State) -> Any:
+        def of_state(xp: Any, state: State, *memory: Any) -> Any:
             cfg: Any = users.TracedConfiguration(arm, xp, state)
-            return _array(seen(state.t, cfg, users.copied(state.dq)))
 
-        def traced(t: Any, y: Any) -> Any:
+            def of(function: Any) -> Any:
+                given = map(users.copied, (state.dq, *memory))
+                return _array(function(state.t, cfg, *given))
+
+            return of(seen) if updated is None else xp.concatenate([of(seen), of(updated)])
+
+        def traced(t: Any, y: Any, *memory: Any) -> Any:
             setup = Setup(wheels=(0,) * len(arm.wheels))
             numbers = np.append(system.start.base.translation, np.zeros(3 * len(arm.wheels)))
             tree, p = structure_of(arm, system.mode), parameters_of(arm)
             placed = moving(symbols, tree, p, t, y, np.zeros(0), numbers, setup)
-            return of_state(symbols, placed)
+            return of_state(symbols, placed, *memory)
 
         def examples() -> Iterator[users.Example]:
             rng = np.random.default_rng(0)
@@ -304,7 +329,11 @@ class Preparation:
                 y[at.q], y[at.dq] = rng.uniform(-1.0, 1.0, arm.n), rng.normal(size=arm.n)
                 y[at.momentum] = 0.0 if system.mode == "fixed" else rng.normal(size=6)
                 t = float(rng.uniform(0.0, 100.0))
-                yield (t, y), outside(t, y)
+                if updated is None:
+                    yield (t, y), outside(t, y)
+                    continue
+                memory = start + rng.normal(size=len(start))
+                yield (t, y, memory), outside(t, np.concatenate((y, memory)))
 
         function = users.UserFunction.of(controller, traced, examples, of_state)
         what = f"the controller {type(controller).__name__}"
@@ -453,7 +482,9 @@ def _law(
     """Return a controller as a law, with its numbers."""
     arm, n = todo.system.arm, todo.system.arm.n
     joints = tuple(joints_of(arm, tip)) if tip >= 0 and len(arm.tips) > 1 else None
-    law = Law(KINDS.get(type(controller), "own"), tip=max(tip, 0), joints=joints)
+    memory = len(todo.system.memories[i])
+    kind = KINDS.get(type(controller), "own")
+    law = Law(kind, tip=max(tip, 0), joints=joints, memory=memory)
     if law.kind == "own":
         return law._replace(source=todo.law(i, controller)), []
     rows, read = n, _joint_reader(arm)
@@ -481,6 +512,8 @@ def _law(
             value = read(value)
         elif name == "rest":
             value = joint_vector(arm, value, "rest")
+        elif name == "limit":
+            value = torque_limits(value, rows)
         elif shape:
             value = np.full(rows, gains(value, rows, name))
         numbers.append(np.ravel(value))
