@@ -73,6 +73,10 @@ ABOVE_ROUNDING = 32.0
 MISFIT = 1e-9
 
 
+class NotPolynomialError(UnsupportedError):
+    """A function is no trigonometric polynomial, or mostly rounding."""
+
+
 def interpolants(sampler: Sampler, degrees: Integers) -> list[Complex]:
     """Compute the coefficients of the components, whose degrees are (n, components).
 
@@ -105,13 +109,14 @@ def error_bound(values: Array, wanted: Array, degrees: tuple[int, ...]) -> float
     """Bound the error of an interpolant everywhere from its values and new samples, (m,) each.
 
     Raises:
-        UnsupportedError: They differ by more than rounding can.
+        NotPolynomialError: They differ by more than rounding can.
     """
     miss, size = float(np.abs(values - wanted).max()), float(np.abs(wanted).max())
     if not miss <= MISFIT * size:
-        raise UnsupportedError(
-            f"the function is not band-limited: a trigonometric polynomial of degrees {degrees} "
-            f"misses it by {miss:.3g} (its size is {size:.3g})"
+        raise NotPolynomialError(
+            f"the function is no trigonometric polynomial of degrees {degrees}, or mostly "
+            f"rounding: its values are up to {size:.3g}, and the polynomial misses them by "
+            f"{miss:.3g}; give a function that is one, or a higher degree with highest="
         )
     return SAFETY * miss * math.prod(_lebesgue(2 * d + 1) for d in degrees)
 
@@ -122,7 +127,7 @@ def degrees_of(sampler: Sampler, n: int, highest: int, rng: np.random.Generator)
     Those of components that are mostly rounding are worth nothing, beside others.
 
     Raises:
-        UnsupportedError: None ends up to the highest degree, or they are not finite.
+        NotPolynomialError: None ends up to the highest degree, or they are not finite.
     """
     N = 2 * highest + 5
     lines = rng.uniform(-np.pi, np.pi, (n, LINES, 1, n)).repeat(N, axis=2)
@@ -130,15 +135,18 @@ def degrees_of(sampler: Sampler, n: int, highest: int, rng: np.random.Generator)
         lines[j, :, :, j] = 2.0 * np.pi * np.arange(N) / N
     values = sampler(lines.reshape(-1, n))
     if not np.isfinite(values).all():
-        raise UnsupportedError("the function gives values that are not finite")
+        raise NotPolynomialError(
+            "the function gives values that are not finite; give one that is finite everywhere"
+        )
     spectra = np.fft.rfft(values.reshape(n, LINES, N, -1), axis=2, norm="forward")
     size = np.abs(spectra).max(axis=1)  # (n, orders, components)
     rounding = size[:, highest + 1 :].max(axis=1)
     bound = np.maximum(ROUNDING * size.max(axis=(0, 1)), ABOVE_ROUNDING * rounding)
     beyond = np.flatnonzero((rounding > MISFIT * size.max(axis=(0, 1))).all(axis=1))
     if beyond.size:
-        raise UnsupportedError(
-            f"the function is not band-limited in angle {beyond[0]}: its degree is above {highest}"
+        raise NotPolynomialError(
+            f"the function is no trigonometric polynomial of degree {highest} or less in angle "
+            f"{beyond[0]}, or mostly rounding; give one that is, or a higher degree with highest="
         )
     orders = np.arange(size.shape[1])[None, :, None]
     return np.where(size > bound[:, None], orders, 0).max(axis=1)

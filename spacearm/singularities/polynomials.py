@@ -20,8 +20,8 @@ A sliding joint d = centre + half cos(angle) enters by its angle, see `Chart`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import combinations
@@ -38,7 +38,7 @@ from spacearm.model.arguments import BaseMode, require_possible
 from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle, eliminate, find_triangle, share_root
-from spacearm.polynomial.trig import Sampler, TrigPolynomial, degrees_of
+from spacearm.polynomial.trig import NotPolynomialError, Sampler, TrigPolynomial, degrees_of
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import SameSet
 
@@ -114,7 +114,33 @@ def minor_polynomials(
         UnsupportedError: They have too many coefficients, or the task is one that the arm can
             never do.
     """
-    return TrigPolynomial.fit_each(minor_sampler(arm, minors, mode), arm.n)
+    with fitting(arm, "the determinant of J*"):
+        return TrigPolynomial.fit_each(minor_sampler(arm, minors, mode), arm.n)
+
+
+@contextmanager
+def fitting(arm: SpaceArm, what: str) -> Iterator[None]:
+    """Say of which arm a function is that cannot be fitted, and what to do.
+
+    Raises:
+        NotPolynomialError: A fit failed: the values are little more than rounding where masses or
+            lengths differ by many orders of magnitude, or where joints slide far.
+    """
+    try:
+        yield
+    except NotPolynomialError:
+        raise NotPolynomialError(f"{arm.name}: {lost_in_rounding(arm, what)}") from None
+
+
+def lost_in_rounding(arm: SpaceArm, what: str) -> str:
+    """Say that a function of an arm cannot be fitted, and what to do."""
+    masses = [inertia.mass for inertia in arm.model.inertias if inertia.mass > 0.0]
+    nearer = "set nearer limits of sliding joints with arm.replace(lower=, upper=)"
+    remedy = nearer if arm.slides.any() else "check masses and lengths, or choose another task"
+    return (
+        f"{what} (task {arm.task.names!r}) is lost in rounding, as bodies have masses from "
+        f"{min(masses):.3g} to {max(masses):.3g} kg; {remedy}"
+    )
 
 
 def minor_sampler(arm: SpaceArm, minors: Iterable[Sequence[int]], mode: BaseMode) -> Sampler:
@@ -198,7 +224,15 @@ def radius_squared(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> TrigPo
 @lru_cache(maxsize=16)
 def _fitted_radius_squared(arm: SpaceArm, mode: BaseMode) -> TrigPolynomial:
     """Fit R^2(q)."""
-    return TrigPolynomial.fit(lambda Q: (tips_from_centre(arm, Q, mode) ** 2).sum(axis=1), arm.n)
+    if arm.slides.any() or arm.coupling is not None:
+        raise UnsupportedError(
+            f"{arm.name}: the distance of the tip from the system CM is known as a polynomial only "
+            "for revolute joints that do not mimic others; lock the others with locked={...}"
+        )
+    with fitting(arm, "the distance of the tip from the system CM"):
+        return TrigPolynomial.fit(
+            lambda Q: (tips_from_centre(arm, Q, mode) ** 2).sum(axis=1), arm.n
+        )
 
 
 def distances(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
@@ -317,7 +351,8 @@ class Minors:
         """Return one minor, of scale 1; fitted when it is first asked for."""
         if columns not in self._fitted:
             sampler = _of_angles(self.arm, self.mode, self.chart, [columns])
-            (f,) = TrigPolynomial.fit_each(sampler, self.arm.n, highest=HIGHEST)
+            with fitting(self.arm, "a minor of J*"):
+                (f,) = TrigPolynomial.fit_each(sampler, self.arm.n, highest=HIGHEST)
             self._fitted[columns] = Jets.of(f, self.chart)
         return self._fitted[columns]
 
@@ -547,12 +582,8 @@ def _minors(same: SameSet) -> Minors:
     probes = own.draw(rng, PROBES)
     size = np.abs(minor_sampler(arm, every, mode)(probes)).max(axis=0)
     some = every[size > ABSENT * size.max()]
-    try:
+    with fitting(arm, "each minor of J*"):
         degrees = degrees_of(_of_angles(arm, mode, own, some), n, HIGHEST, rng)
-    except UnsupportedError as error:
-        remedy = "set nearer limits of sliding joints with arm.replace(lower=, upper=)"
-        more = f"; {remedy}" * bool(arm.slides.any())
-        raise UnsupportedError(f"{arm.name}: minors of J*: {error}{more}") from None
     each = zip(some.tolist(), degrees.T.tolist(), strict=True)
     return Minors(arm, mode, own, {tuple(C): tuple(d) for C, d in each})
 
@@ -586,8 +617,9 @@ def minors_for_proofs(arm: SpaceArm, mode: BaseMode) -> list[Jets]:
     if not minors:
         raise UnsupportedError(
             f"{arm.name}: J* has no minors that a proof could use, as with joints that mimic "
-            "others, too many of them, or slides far beyond the arm's length; lock joints, or set "
-            "nearer limits of sliding ones with arm.replace(lower=, upper=)"
+            "others, too many of them, slides far beyond the arm's length, or masses so different "
+            "that minors are lost in rounding; lock joints, set nearer limits of sliding ones with "
+            "arm.replace(lower=, upper=), or check the masses"
         )
     return minors
 

@@ -22,6 +22,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart
 from spacearm.polynomial.triangle import Triangle
+from spacearm.polynomial.trig import NotPolynomialError
 from spacearm.polynomial.tubes import straight
 from spacearm.signatures import checked
 from spacearm.singularities import polynomials
@@ -39,8 +40,9 @@ FRUITLESS, EACH = 100, 20
 class FoundSet(SingularSet):
     """Singular configurations found by a search: of arms whose minors form no triangle.
 
-    These are arms with mimic joints, most redundant arms with other tasks than the full pose, and
-    redundant arms of special build that are not free-floating. `sample` and `nearest` return what
+    These are arms with mimic joints, most redundant arms with other tasks than the full pose,
+    redundant arms of special build that are not free-floating, and arms whose determinant of J* is
+    lost in rounding. `sample` and `nearest` return what
     the search finds. `is_free` and `clearance` prove paths free of all singular configurations,
     found or not. All other methods raise `UnsupportedError`.
 
@@ -55,18 +57,8 @@ class FoundSet(SingularSet):
     def _unsupported(self, *_: object, **__: object) -> NoReturn:
         """Raise UnsupportedError: the set is not known as a whole, and why."""
         raise UnsupportedError(
-            f"{self.arm.name}: {self._why()}; a FoundSet has only .sample, .nearest, .is_free and "
-            ".clearance"
-        )
-
-    def _why(self) -> str:
-        """Say why the set is not known as a whole."""
-        if self.arm.coupling is not None:
-            return polynomials.MIMIC
-        k, n = self.arm.task.k, self.arm.n
-        return (
-            f"{n} joints for {k} task rows ({self.arm.task.names}): the minors of J* do not give "
-            f"the singular set joint by joint; {polynomials.to_square(self.arm)}"
+            f"{self.arm.name}: {why_incomplete(self.arm)}; a FoundSet has only .sample, .nearest, "
+            ".is_free and .clearance"
         )
 
     roots = solve = curves = surface = components = _unsupported
@@ -105,6 +97,25 @@ class FoundSet(SingularSet):
         return np.array(found).reshape(m, self.arm.n)
 
 
+def why_incomplete(arm: SpaceArm) -> str:
+    """Say why the singular set of an arm is not known as a whole."""
+    if arm.coupling is not None:
+        return polynomials.MIMIC
+    k, n = arm.task.k, arm.n
+    if n == k and arm.slides.any():
+        return (
+            "the determinant of J* is no polynomial that can be used, because joints slide too far "
+            "or it has too many coefficients; set nearer limits of sliding joints with "
+            "arm.replace(lower=, upper=), or lock joints"
+        )
+    if n == k:
+        return polynomials.lost_in_rounding(arm, "the determinant of J*")
+    return (
+        f"{n} joints for {k} task rows ({arm.task.names}): the minors of J* do not give "
+        f"the singular set joint by joint; {polynomials.to_square(arm)}"
+    )
+
+
 @checked
 def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> SingularSet:
     """Return the set of all singular configurations of an arm.
@@ -117,8 +128,9 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
     Returns:
         The whole set, exactly (`complete` is true), for arms with as many joints as task rows. The
         same for redundant arms with six rows of the full pose or "x y rz" in the plane, and for
-        others whose minors form a triangle, as `Minors.triangle` checks. For other redundant arms
-        and for mimic joints a `FoundSet`: its `sample` and `nearest` return what a search finds;
+        others whose minors form a triangle, as `Minors.triangle` checks. For other redundant arms,
+        for mimic joints, and where masses differ so much that the determinant is lost in rounding,
+        a `FoundSet`: its `sample` and `nearest` return what a search finds;
         its `is_free` is still a proof.
 
     Raises:
@@ -134,7 +146,10 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
     k, n = arm.task.k, arm.n
     turns = not arm.slides.any() and arm.coupling is None
     if n == k and turns:
-        S = polynomials.singularity_polynomial(arm, mode=mode)
+        try:
+            S = polynomials.singularity_polynomial(arm, mode=mode)
+        except NotPolynomialError:  # lost in rounding
+            return FoundSet(arm, mode)
         joint = min(reversed(range(n)), key=lambda j: S.degrees[j] or S.coefficients.size)
         return ExactSet(arm, mode, Triangle((S,), (joint,)), Chart.turning(n))
     with suppress(UnsupportedError):  # no minors, or some of them are little more than rounding

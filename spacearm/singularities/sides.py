@@ -24,9 +24,10 @@ from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.mechanics.floating import reactions
 from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.polynomial.trig import NotPolynomialError, TrigPolynomial
 from spacearm.singularities.box_graph import FreeBoxes, free_boxes
 from spacearm.singularities.polynomials import (
+    fitting,
     minor_sampler,
     radius_squared,
     singularity_polynomial,
@@ -113,10 +114,12 @@ def on_the_other_side(
         It in words, or nothing where there is none.
     """
     arm, sign = start.arm, proven_sign(start)
-    levels = _levels(start, goal, axes)
+    try:
+        levels, S = _levels(start, goal, axes), singularity_polynomial(arm)
+    except NotPolynomialError:  # lost in rounding: nothing can be proven
+        return ""
     if not sign or not levels:
         return ""
-    S = singularity_polynomial(arm)
     wide = upper - lower >= 2.0 * np.pi
     low, high = np.where(wide, -np.pi, lower), np.where(wide, np.pi, upper)
     if not _none(levels, S, int(np.sign(S(start.q))), low, high):
@@ -155,7 +158,8 @@ def _sight(arm: SpaceArm) -> list[TrigPolynomial]:
         at = reactions(arm, Q)
         return -np.einsum("mji,mj->mi", at.R, at.r)
 
-    return TrigPolynomial.fit_each(seen, arm.n)
+    with fitting(arm, "where the tip sees the system CM"):
+        return TrigPolynomial.fit_each(seen, arm.n)
 
 
 def _none(levels: Levels, S: TrigPolynomial, sign: int, low: Array, high: Array) -> bool:

@@ -35,7 +35,7 @@ from spacearm.polynomial.tubes import Form
 from spacearm.polynomial.univariate import Complex
 from spacearm.signatures import checked
 from spacearm.singularities.joint_boxes import FreeBox, Postures, grown
-from spacearm.singularities.polynomials import chart_of
+from spacearm.singularities.polynomials import chart_of, fitting
 from spacearm.singularities.regularity import SURE, Momenta, determinants, strongly_regular
 from spacearm.uncertainty.intervals import UncertainArm
 
@@ -89,12 +89,13 @@ class Matrices:
         chart = chart_of(self.momenta.middle)
         seen = np.abs(self.sampled(chart.draw(np.random.default_rng(0), PROBES)))
         beside = np.broadcast_to(seen.max(axis=(0, 1, 3))[:, None], seen.shape[1:])
-        fitted = TrigPolynomial.fit_each(
-            lambda angles: (self.sampled(chart.positions(angles)) + beside).reshape(
-                len(angles), -1
-            ),
-            chart.slides.size,
-        )
+        with fitting(self.momenta.middle, "the momenta of joints"):
+            fitted = TrigPolynomial.fit_each(
+                lambda angles: (self.sampled(chart.positions(angles)) + beside).reshape(
+                    len(angles), -1
+                ),
+                chart.slides.size,
+            )
         return [
             Jets(TrigPolynomial(_less(f.coefficients, size), f.error), chart)
             for f, size in zip(fitted, beside.ravel(), strict=True)

@@ -18,6 +18,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.frames import evenly_spread
 from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.singularities.polynomials import fitting
 from spacearm.singularities.sets import singular_set
 from spacearm.workspaces.extent import Box
 from spacearm.workspaces.shells import merged
@@ -71,9 +72,10 @@ class Reach:
 
         normal = arm.tree.plane_normal()
         self.rows = [i for i in range(3) if i != normal]
-        self.p = TrigPolynomial.fit_each(
-            lambda Q: tips_from_centre(arm, Q, mode)[:, self.rows], arm.n
-        )
+        with fitting(arm, "the position of the tip from the system CM"):
+            self.p = TrigPolynomial.fit_each(
+                lambda Q: tips_from_centre(arm, Q, mode)[:, self.rows], arm.n
+            )
         self.box = box
         self.Q = rng.uniform(box.low, box.high, (SAMPLE, arm.n))
         self.tips = self._position(self.Q)

@@ -21,8 +21,8 @@ from spacearm.polynomial.level_set import connected
 from spacearm.polynomial.newton import bounded_extreme, polish
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.singularities.exact_set import ExactSet
-from spacearm.singularities.polynomials import check_square, distances, radius_squared, to_square
-from spacearm.singularities.sets import singular_set
+from spacearm.singularities.polynomials import check_square, distances, radius_squared
+from spacearm.singularities.sets import singular_set, why_incomplete
 from spacearm.workspaces.extent import Box
 
 #: Number of best configurations of a sample from which each bound is searched.
@@ -86,10 +86,7 @@ def exact_set(arm: SpaceArm, mode: BaseMode) -> ExactSet:
     """
     found = singular_set(arm, mode=mode)
     if not isinstance(found, ExactSet):
-        raise UnsupportedError(
-            f"{arm.name}, {mode}: the minors of J* do not give the singular set joint by joint; "
-            f"{to_square(arm)}; {SO}"
-        )
+        raise UnsupportedError(f"{arm.name}, {mode}: {why_incomplete(arm)}; {SO}")
     return found
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers import reference
 from helpers.arms import (
+    frame,
     joint,
     link,
     load_text,
@@ -592,3 +593,39 @@ def test_an_exact_set_is_complete():
     assert isinstance(found, sa.SingularSet)
     assert not isinstance(found, sa.FoundSet)
     assert found.complete
+
+
+def heavy_end(mass):
+    """A spatial 3R arm on a light spacecraft, whose last link is heavy: the tip hardly moves."""
+    links = (link("bus", 1.0), link("a"), link("b"), link("end", mass), frame("tip"))
+    joints = (
+        joint("j1", "bus", "a", axis=(0, 0, 1)),
+        joint("j2", "a", "b", axis=(0, 1, 0)),
+        joint("j3", "b", "end", axis=(1, 0, 0), xyz=(0.3, 0.2, 0.1)),
+        joint("fixed", "end", "tip", "fixed", (0.1, 0.2, 0.3)),
+    )
+    return load_text(robot(*links, *joints), tip="tip", task="x y z")
+
+
+def test_a_determinant_lost_in_rounding_leaves_a_set_that_is_searched():
+    assert sa.singular_set(heavy_end(1e5)).complete
+    arm = heavy_end(1e9)
+    found = sa.singular_set(arm)
+    assert not found.complete
+    assert found.sample(2).shape == (2, 3)
+    path = [[0.3, 0.4, 0.5], [0.35, 0.4, 0.5]]
+    assert found.clearance(path).verdict != "free"
+    lost = r"r.*determinant of J\*.*'x y z'.*lost in rounding.*1 to 1e\+09 kg; check masses"
+    with pytest.raises(sa.UnsupportedError, match=lost):
+        sa.singularity_polynomial(arm)
+    with pytest.raises(sa.UnsupportedError, match=lost):
+        found.components()
+    with pytest.raises(sa.UnsupportedError, match=lost):
+        sa.workspace(arm)
+
+
+def test_the_distance_of_the_tip_is_no_polynomial_of_a_slide():
+    slide = joint("rail", "arm", "end", "prismatic")
+    arm = load_text(robot(*two_links(), link("end"), slide), tip="end", task="x y")
+    with pytest.raises(sa.UnsupportedError, match=r"r: the distance of the tip.*locked="):
+        radius_squared(arm)
