@@ -15,7 +15,7 @@ from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -47,12 +47,16 @@ from spacearm.motion.flights import Flight, Phase, simulate_phases
 from spacearm.motion.goal import out_of_reach, twist_between
 from spacearm.motion.motion import Motion, Trajectory
 from spacearm.motion.plant import Integration, Plant
+from spacearm.planning.account import TimeUpError
 from spacearm.planning.planner import plan
 from spacearm.planning.problem import LEAST
 from spacearm.planning.request import Joints, Search
 from spacearm.planning.result import Plan
 from spacearm.results import Description
 from spacearm.singularities.nearest import angle
+
+#: Ratio of the braking time to one that is too short, from which on it is not shortened.
+FINE_BRAKE = 1.01
 
 
 class ClosedBraking(Braking, kw_only=True):
@@ -453,7 +457,10 @@ class HandsApproach(Approach):
         )
 
     def _braked(self, held: Held, dq: Array, rates: Array, least: float) -> ClosedBraking:
-        """Return the shortest braking tried that keeps limits, rates, torques, what grasps bear.
+        """Return the shortest braking that keeps limits, rates, torques and what grasps bear.
+
+        Times are doubled from 1 s on until one keeps them; bisection then shortens it to within 1 %
+        of a time that needs too much. No braking is shorter than 1 s.
 
         Args:
             held: How the target is held, with the momentum of both.
@@ -462,42 +469,95 @@ class HandsApproach(Approach):
             least: Least distance to a singular posture along closure [rad].
 
         Raises:
-            NoSolutionError: None of them does; says why.
+            NoSolutionError: None of the times tried does; says why.
+            TimeUpError: The time is up, and none is found.
         """
-        carrying, why = held.carrying, ""
+        carrying = held.carrying
         seen = kinematics(carrying.of_target, held.q.copy(), pin.SE3.Identity())
         twist = seen.J[:, 6:] @ dq
+
+        def tried(duration: float) -> BrakingTry:
+            return self._tried_braking(carrying, seen.tip, twist, duration, rates, least)
+
+        short, long = 0.0, math.inf  # times that need too much, and that suffice or lead too far
+        for duration in BRAKES:
+            found = tried(duration)
+            if found.brake is not None or found.ended:
+                long = duration
+                break
+            short = duration
+        best = found.brake
+        while 0.0 < short < long / FINE_BRAKE < math.inf:
+            middle = math.sqrt(short * long)
+            try:
+                found = tried(middle)
+            except TimeUpError:
+                if best is None:
+                    raise
+                break
+            if found.brake is None and not found.ended:
+                short = middle
+            else:
+                best, long = found.brake or best, middle
+        if best is None:
+            raise errors.NoSolutionError(found.why)
+        return best
+
+    def _tried_braking(
+        self, carrying: Carrying, pose: pin.SE3, twist: Array, duration: float, rates: Array,
+        least: float,
+    ) -> BrakingTry:  # fmt: skip
+        """Return the braking in a duration [s], or why it is not possible.
+
+        Args:
+            carrying: The arms with the target, with the momentum of both.
+            pose: Where the target is at contact, seen from the spacecraft.
+            twist: (6,) its twist there.
+            duration: How long it takes [s].
+            rates: (n,) the largest joint rates.
+            least: Least distance to a singular posture along closure [rad].
+        """
         start = carrying.start
-        for duration in BRAKES:  # in units of which time is counted while the joints are led
-            led, last, _ = following.rows_along(
-                start.with_momentum(duration * start.momentum),
-                [stopping(seen.tip, duration * twist)], 1.0,
-                lambda at, piece: TargetCurve(
-                    carrying, at, piece, FLOATING, self.constraints.limits, "spacecraft"
-                ),
-                self.account.tick,
-            )  # fmt: skip
-            if last.kind != "arrived":
-                after = duration * led.s[-1]
-                why = f"braking in {duration:g} s ends at a {last.kind} after {after:.3g} s"
-                break
-            self.account.check_time()
-            brake = closed_braking(carrying, led, duration)
-            faster = float((np.abs(brake.dq) / rates).max())
-            near, (force, moment) = float(brake.closure_distance.min()), brake.borne
-            torque = float((np.abs(brake.torque) / self.efforts).max())
-            if near < least:
-                why = (
-                    f"braking in {duration:g} s leads to about {angle(near)} of a singular posture"
-                )
-                break
-            why = (
-                f"braking in {duration:g} s takes {torque:.3g} times the torque and {faster:.3g} "
-                f"times the rate of a joint, and {force:.3g} N and {moment:.3g} N m of a grapple"
-            )
-            if max(torque, faster) <= 1.0 and force <= self.bears[0] and moment <= self.bears[1]:
-                return brake
-        raise errors.NoSolutionError(why)
+        led, last, _ = following.rows_along(  # time is counted in durations
+            start.with_momentum(duration * start.momentum),
+            [stopping(pose, duration * twist)], 1.0,
+            lambda at, piece: TargetCurve(
+                carrying, at, piece, FLOATING, self.constraints.limits, "spacecraft"
+            ),
+            self.account.tick,
+        )  # fmt: skip
+        if last.kind != "arrived":
+            after = duration * led.s[-1]
+            why = f"braking in {duration:.3g} s ends at a {last.kind} after {after:.3g} s"
+            return BrakingTry(None, True, why)
+        self.account.check_time()
+        brake = closed_braking(carrying, led, duration)
+        faster = float((np.abs(brake.dq) / rates).max())
+        near, (force, moment) = float(brake.closure_distance.min()), brake.borne
+        torque = float((np.abs(brake.torque) / self.efforts).max())
+        if near < least:
+            why = f"braking in {duration:.3g} s leads to about {angle(near)} of a singular posture"
+            return BrakingTry(None, True, why)
+        why = (
+            f"braking in {duration:.3g} s takes {torque:.3g} times the torque and {faster:.3g} "
+            f"times the rate of a joint, and {force:.3g} N and {moment:.3g} N m of a grapple"
+        )
+        fits = max(torque, faster) <= 1.0 and force <= self.bears[0] and moment <= self.bears[1]
+        return BrakingTry(brake if fits else None, False, why)
+
+
+class BrakingTry(NamedTuple):
+    """What came of a braking time.
+
+    Attributes:
+        brake: The braking; None if it is not possible.
+        ended: Whether a longer one is not possible either, as it leads farther.
+        why: Why it is not possible.
+    """
+
+    brake: ClosedBraking | None
+    ended: bool
+    why: str
 
 
 def stopping(pose: pin.SE3, way: Array) -> following.Segment:
