@@ -67,6 +67,10 @@ class Catch(Result, kw_only=True):
     as `plan` to the stand-off, then as `chase` until contact. `brake` brings the joints to rest
     with the target in the hand. `plan`, `chase` and `brake` have clocks of their own.
 
+    Errors at contact are those of the planned motion, with momentum on board too. The simulation of
+    `fly` adds the error of its own integration, which falls with `Integration.rtol`: the place is
+    then off by at most about `rtol` times the distance of the tip from the system CM more.
+
     Attributes:
         target: The target.
         grapple: The grapple frame that is grasped; with several tips, the frame of each.
@@ -76,9 +80,9 @@ class Catch(Result, kw_only=True):
         chase: The motion from there to contact, which ends with the twist of the frame.
         brake: The motion of the arm with the target, from contact until its joints rest.
         distance_proven: No singular posture is nearer to both motions than this, proven [rad].
-        place_error: Distance of the tip from the grapple frame at contact [m].
-        turn_error: Angle between them [rad].
-        twist_error: (6,) twist of the tip less that of the frame [m/s], [rad/s].
+        place_error: Planned distance of the tip from the grapple frame at contact [m].
+        turn_error: Planned angle between them [rad].
+        twist_error: (6,) planned twist of the tip less that of the frame [m/s], [rad/s].
         torque: (n,) largest torques from the stand-off on and while braking [N m] or [N]: upper
             bounds at every instant for one tip; with several tips at the samples while braking.
         limits: The limits that it keeps, and that `fly` checks along the simulation.
@@ -256,10 +260,10 @@ class Catch(Result, kw_only=True):
             "at the stand-off": Measure(self.begin + self.plan.t[-1], "s"),
             "contact": Measure(self.t, "s"),
             "joints at rest": Measure(self.t + self.brake.t[-1], "s"),
-            "tip off the grapple frame": Measure(self.place_error, "m", ".1e"),
-            "tip turned off it": Measure(self.turn_error, "rad", ".1e"),
-            "relative velocity": Measure(float(rates[0]), "m/s", ".1e"),
-            "relative angular velocity": Measure(float(rates[1]), "rad/s", ".1e"),
+            "planned tip off the grapple frame": Measure(self.place_error, "m", ".1e"),
+            "planned tip turned off it": Measure(self.turn_error, "rad", ".1e"),
+            "planned relative velocity": Measure(float(rates[0]), "m/s", ".1e"),
+            "planned relative angular velocity": Measure(float(rates[1]), "rad/s", ".1e"),
             "largest torques": Measure(self.torque, "N m"),
             "force at the grapple": Measure(float(self.brake.borne[0]), "N"),
             "moment about it": Measure(float(self.brake.borne[1]), "N m"),

@@ -103,8 +103,13 @@ def test_a_catch_in_orbit_far_from_the_origin_strikes_nothing():
     start = sa.load("chaser7").at(START, base=sa.pose(off), momentum=momentum)
     target = tumbling(start, orbit=0.0011)
     found = sa.catch(start, target, window=(12, 20), wanted=1, search=STRAIGHT)
+    frame = found.target.at(found.t, "ring").pose
     for flight in (found.fly(integration=COARSE), found.fly(target, integration=COARSE)):
         assert flight.captures[0].energy_lost < 1e-9
+        end = flight.phases[1][-1]
+        off = np.linalg.norm(end.tip.translation - frame.translation)
+        reach = np.linalg.norm(end.tip.translation - end.com)
+        assert off <= found.place_error + COARSE.rtol * reach  # as `Catch` says
     blind = found.target.at(found.t).pose.translation - target.at(found.t).pose.translation
     assert np.linalg.norm(blind) > 1e-3
 
