@@ -25,6 +25,7 @@ from spacearm.compiler.machine import processors
 from spacearm.errors import SpaceArmError, imported
 from spacearm.files import remove_folder
 from spacearm.model.arm import Configuration
+from spacearm.viewer.layers import LAYERS
 from spacearm.viewer.shapes import Y_TO_Z, DrawnShape, link_poses
 from spacearm.viewer.window import PAGE, json_in_html
 
@@ -49,7 +50,7 @@ VIDEOS = {
 #: Browsers that draw the pictures of a motion side by side.
 BROWSERS_AT_ONCE = 2
 PIECE_OF_PICTURE = re.compile(rb'"picture ([A-Za-z0-9+/=]*)(!?)"')
-#: Steps of red, green and blue in a GIF, besides the colours of its first picture.
+#: Steps of red, green and blue in a GIF, besides the colours of layers and of its first picture.
 STEPS = 5
 
 
@@ -205,14 +206,15 @@ def write_video(file: BinaryIO, kind: str, pictures: Iterator[bytes], rate: floa
 
 
 def _write_gif(file: BinaryIO, pictures: Iterator[bytes], rate: float) -> None:
-    """Write a GIF of one palette: the colours of its first picture, and some of each kind."""
+    """Write a GIF of one palette: of the layers, of its first picture, and some of each kind."""
     from PIL import Image  # slow to import
 
     drawn = (Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures)
     first = next(drawn)
     levels = np.linspace(0, 255, STEPS).astype(int)
     some = np.stack(np.meshgrid(levels, levels, levels), axis=-1).ravel().tolist()
-    own = first.quantize(256 - STEPS**3).getpalette() or []
+    some += [int(color[i : i + 2], 16) for color in LAYERS.values() for i in (1, 3, 5)]
+    own = first.quantize(256 - len(some) // 3).getpalette() or []
     palette = Image.new("P", (1, 1))
     palette.putpalette(own[: 768 - len(some)] + some)
     shown = (each.quantize(palette=palette, dither=Image.Dither.NONE) for each in drawn)

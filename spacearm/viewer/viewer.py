@@ -311,6 +311,9 @@ class Viewer:
     ) -> Path:
         """Render the motion to a video that takes as long as the motion, by a headless browser.
 
+        A legend in the corner names the layers that are shown, except grid and bodies, and the
+        colours of workspaces, risk and attitudes.
+
         MP4 (H.264) and WebM (VP9) need imageio-ffmpeg (pip install 'spacearm[video]'); GIF does
         not, and its pictures stand for whole hundredths of a second.
 

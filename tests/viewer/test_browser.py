@@ -332,6 +332,27 @@ def test_a_motion_is_kept_as_a_video_as_long_as_the_motion(tmp_path, kind):
     assert pictures[0] != pictures[-1]
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_gif_has_a_legend_in_the_colours_of_the_layers(tmp_path):
+    from spacearm.viewer.layers import LAYERS
+
+    image = pytest.importorskip("PIL.Image")
+    viewer = sa.view(motion(), open=False)
+    viewer._stage.show_layer("ellipsoid", False)
+    path = viewer.video(tmp_path / "run.gif", (900, 600), 0.5)
+    with image.open(path) as film:
+        film.seek(film.n_frames - 1)
+        corner = np.array(film.convert("RGB"), dtype=int)[:250, 13:39]
+
+    def rows(layer):
+        color = [int(LAYERS[layer][i : i + 2], 16) for i in (1, 3, 5)]
+        return int((np.abs(corner - color).max(axis=2) <= 2).all(axis=1).sum())
+
+    assert min(rows(layer) for layer in ("centre of mass", "virtual manipulator", "trace")) >= 10
+    assert rows("ellipsoid") == rows("bodies") == 0, "it is hidden; bodies explain themselves"
+
+
 @pytest.mark.parametrize(
     ("name", "options", "why"),
     [

@@ -11,6 +11,8 @@ import { createViewer, legend } from "./scene.js";
 import { explainByTouch } from "./touch.js";
 
 const GROUND = 0xe8ecf0; // of the pictures of a motion
+const INK = "#1f2933"; // of the legend on it
+const PLAIN = ["grid", "bodies"]; // layers that explain themselves
 const MOMENTS = 24;
 
 function start({ about, readout, maps }, commands) {
@@ -37,7 +39,9 @@ function start({ about, readout, maps }, commands) {
   if (viewer && seek) camera.take(alongMotion(about.motion.span, seek, camera.points));
   else camera.fit();
   window.spacearm = { viewer, points: () => camera.points() };
-  if (times && viewer && seek) takeFrames(viewer, times.split(",").map(Number), seek);
+  if (times && viewer && seek) {
+    takeFrames(viewer, times.split(",").map(Number), seek, keysOf(viewer, about.layers, readout));
+  }
 }
 
 /* What is to be seen of a motion from its start to its end. */
@@ -49,10 +53,42 @@ function alongMotion([first, last], seek, points) {
   });
 }
 
+/* What the colours in the pictures of a motion mean: of layers that show something, and of values. */
+function keysOf(viewer, layers, { hidden, legend }) {
+  const shown = Object.entries(layers).filter(([name]) => {
+    let drawn = false;
+    viewer.scene_tree.find(["spacearm", name]).object.traverse(({ geometry }) => {
+      drawn ||= Boolean(geometry);
+    });
+    return drawn && !hidden.includes(name) && !PLAIN.includes(name);
+  });
+  return [
+    ...shown.map(([words, colour]) => ({ colors: [colour], words })),
+    ...legend.filter(({ layer }) => !hidden.includes(layer)),
+  ];
+}
+
+/* Draws the legend into a corner of a picture. */
+function drawKeys(canvas, keys) {
+  const context = canvas.getContext("2d");
+  const size = Math.round(Math.min(Math.max(canvas.height / 45, 9), 16));
+  context.font = `${size}px sans-serif`;
+  context.textBaseline = "middle";
+  keys.forEach(({ colors, words }, i) => {
+    const y = size * (1 + 1.5 * i);
+    colors.forEach((colour, k) => {
+      context.fillStyle = colour;
+      context.fillRect(size + (k * 2 * size) / colors.length, y - size / 2, (2 * size) / colors.length, size);
+    });
+    context.fillStyle = INK;
+    context.fillText(words, 3.5 * size, y);
+  });
+}
+
 /* Tells the console the pictures of a motion at some times, for a program that reads it: in pieces, as
    the lines of several processes would mix if they were longer. Without a graphics processor smooth
    edges, a shaded ground and the far sides of bodies take most of the time; they are left out. */
-function takeFrames(viewer, times, seek) {
+function takeFrames(viewer, times, seek, keys) {
   const { FrontSide, WebGLRenderer } = MeshCat.THREE;
   const { width, height } = viewer.renderer.domElement;
   viewer.renderer.dispose();
@@ -63,10 +99,13 @@ function takeFrames(viewer, times, seek) {
   viewer.scene.traverse(({ geometry, material }) => {
     if (material && geometry.type !== "BufferGeometry") material.side = FrontSide;
   });
+  const canvas = Object.assign(document.createElement("canvas"), { width, height });
   for (const t of times) {
     seek(t);
     viewer.render();
-    const picture = viewer.renderer.domElement.toDataURL("image/png").split(",")[1];
+    canvas.getContext("2d").drawImage(viewer.renderer.domElement, 0, 0, width, height);
+    drawKeys(canvas, keys);
+    const picture = canvas.toDataURL("image/png").split(",")[1];
     for (const piece of `${picture}!`.match(/.{1,3000}/g)) console.info(`picture ${piece}`);
   }
 }
