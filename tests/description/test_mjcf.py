@@ -472,3 +472,18 @@ def test_custom_numbers_that_are_no_limits(tmp_path, data):
     custom = f'<custom><numeric name="velocity_limit/a" data="{data}"/></custom>'
     with pytest.raises(sa.ModelError, match=r"velocity_limit/a.*largest rate of the joint"):
         load(mjcf(free(link("a")), custom), tmp_path)
+
+
+@pytest.mark.filterwarnings("ignore:.*MuJoCo warns")
+@pytest.mark.parametrize("pos", ["nan 0 0", "NaN 1 1", "1e300 0 0", "0 inf 0"])
+def test_places_that_are_none_are_refused_and_mujoco_leaves_no_log(
+    pos, tmp_path, monkeypatch, capfd
+):
+    folder = tmp_path / "here"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    arm = free(link("a", inside=link("b"))).replace('pos=".5 0 0"', f'pos="{pos}"')
+    with pytest.raises(sa.ModelError, match=r"robot\.xml: "):
+        load(mjcf(arm), tmp_path)
+    assert not list(folder.iterdir())
+    assert capfd.readouterr() == ("", "")

@@ -403,7 +403,6 @@ def test_a_mesh_of_an_included_sdf_stays_in_the_packages(home):
 BAD_NAMES = {"NUL": "a\0b", "overlong": "a" * 5000, "deep": "a/" * 3000 + "b", "half": "\ud800"}
 
 
-@pytest.mark.filterwarnings("ignore:the .*reader. module is deprecated:DeprecationWarning")
 @pytest.mark.parametrize("name", BAD_NAMES.values(), ids=BAD_NAMES)
 def test_names_that_a_caller_gives_and_no_file_can_have(name, tmp_path):
     folder = tmp_path / name

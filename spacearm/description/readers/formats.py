@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from spacearm.arrays import LEAST_LENGTH
+from spacearm.arrays import LARGEST, LEAST_LENGTH
 from spacearm.description.readers import mjcf, pinocchio_model, sdf, urdf
 from spacearm.description.readers.forest import check_mimics, warn_of_balls, with_floating_base
 from spacearm.description.readers.masses import checked
@@ -49,6 +49,7 @@ def read(robot: RobotSource, reading: Reading | None = None) -> Tree:
         tree = pinocchio_model.read(source, robot)
     else:
         tree = _read(source, source.root())
+    _require_places(source, tree)
     tree = _without_tiny_lengths(source, tree)
     tree = _with_colours(source, tree)
     check_mimics(source, joints := dict(tree.joints))
@@ -81,6 +82,24 @@ def _read(source: Source, root: etree._Element) -> Tree:
         f"is not a robot file of a known format: its root element is <{root.tag!s}>",
         "a URDF starts with <robot>, an SDF with <sdf>, an MJCF with <mujoco>",
     )
+
+
+def _require_places(source: Source, tree: Tree) -> None:
+    """Refuse joints whose place or axis is not finite, or farther than `LARGEST`.
+
+    Readers check the numbers that they read; MuJoCo and Pinocchio compute with theirs first.
+    """
+    for name, joint in tree.joints.items():
+        numbers = np.append(joint.origin.homogeneous, joint.axis)
+        if not (np.isfinite(numbers).all() and np.abs(numbers).max() <= LARGEST):
+            at, axis = (
+                " ".join(f"{x:g}" for x in vector)
+                for vector in (joint.origin.translation, joint.axis)
+            )
+            source.fail(
+                f"joint {name!r} is at {at} m, with the axis {axis}",
+                f"give finite numbers, and lengths up to {LARGEST:g} m",
+            )
 
 
 def _without_tiny_lengths(source: Source, tree: Tree) -> Tree:

@@ -71,11 +71,13 @@ def _compiled(source: Source) -> Tree:
     """
     import mujoco
 
+    before, said = mujoco.get_mju_user_warning(), list[str]()
+    mujoco.set_mju_user_warning(said.append)  # else it writes MUJOCO_LOG.TXT where the user is
     try:
         spec = mujoco.MjSpec.from_file(str(source.path.resolve()))
         if not spec.worldbody.bodies:
             source.fail("has no body", "if it is a part of an MJCF load the file that includes it")
-        return _Reader(source, spec).tree()
+        tree = _Reader(source, spec).tree()
     except ModelError:
         raise
     except (ValueError, OSError, RuntimeError, mujoco.FatalError) as error:
@@ -84,6 +86,11 @@ def _compiled(source: Source) -> Tree:
             raise MemoryError(why) from None
         part = ", or load the file that includes this one" * ("unrecognized element" in why)
         source.fail(f"cannot be compiled by MuJoCo ({why})", f"correct it there{part}")
+    finally:
+        mujoco.set_mju_user_warning(before)
+    for text in said:
+        source.warn(f"MuJoCo warns: {' '.join(text.split())}")
+    return tree
 
 
 class _Reader:
