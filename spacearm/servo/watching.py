@@ -239,14 +239,21 @@ def recorded(path: Path, topic: str) -> Iterator[Any]:
         except (OSError, ValueError) as error:  # ValueError: no such name, or no text
             raise ConfigurationError(f"{path} cannot be read: {error}") from None
         return
-    library = imported("mcap_ros2.reader", "mcap-ros2-support", "mcap")
-    damaged = imported("mcap.exceptions", "mcap-ros2-support", "mcap").McapError
+    reader = imported("mcap.reader", "mcap-ros2-support", "mcap")
+    decoder = imported("mcap_ros2.decoder", "mcap-ros2-support", "mcap")
     some = False
     try:
-        for one in library.read_ros2_messages(str(path), topics=[topic]):
-            some = True
-            yield one.ros_msg
-    except (OSError, ValueError, damaged) as error:
-        raise ConfigurationError(f"{path} cannot be read: {error}") from None
+        with path.open("rb") as file:
+            recording = reader.SeekingReader(
+                file,
+                decoder_factories=[decoder.DecoderFactory()],
+                record_size_limit=path.stat().st_size,
+            )
+            for one in recording.iter_decoded_messages(topics=[topic]):
+                some = True
+                yield one.decoded_message
+    except Exception as error:  # the libraries decode what the file says, and raise anything
+        why = str(error) or type(error).__name__
+        raise ConfigurationError(f"{path} cannot be read: {why}") from None
     if not some:
         raise ConfigurationError(f"{path} has no message on {topic}; name another: --topic")

@@ -8,6 +8,7 @@ import pytest
 from helpers.commands import spacearm
 
 import spacearm as sa
+from spacearm.servo.watching import recorded
 
 
 def approach(count=60):
@@ -147,3 +148,29 @@ def test_the_command_reads_lines_and_recordings(tmp_path):
     code, _, err = spacearm("watch", "planar2", recording)
     assert code == 2
     assert "cannot be read" in err
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """A recording of two joint states."""
+    pytest.importorskip("mcap_ros2")
+    arm, _, states = approach(2)
+    motion = sa.Motion(
+        arm, [s["t"] for s in states], [s["q"] for s in states], np.tile(np.eye(7)[6], (2, 1))
+    )
+    return sa.write_motion(motion, tmp_path_factory.mktemp("mcap") / "states.mcap")
+
+
+def test_damaged_recordings_are_refused_whatever_is_damaged(recording, tmp_path):
+    content, refused = recording.read_bytes(), 0
+    for seed in range(150):
+        rng, changed = np.random.default_rng(seed), bytearray(content)
+        for _ in range(10):
+            changed[rng.integers(len(changed))] = rng.integers(256)
+        path = tmp_path / "damaged.mcap"
+        path.write_bytes(changed)
+        try:
+            list(recorded(path, "/joint_states"))
+        except sa.ConfigurationError:
+            refused += 1
+    assert refused > 50
