@@ -13,6 +13,7 @@ from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManip
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.plots import style
 from spacearm.plots.triangles import bare, draw_bodies, draw_target, stand_ins
+from spacearm.results import short_names
 from spacearm.singularities.nearest import NearestSingular
 from spacearm.singularities.report import singularity
 
@@ -127,7 +128,7 @@ def draw_posture(
     axes.plot(*cfg.com[list(rows), None], marker="P", ms=9, color="black", ls="none", **over)
     if label:
         com = cfg.com[list(rows)]
-        for name, pose in zip(arm.tips, cfg.tips, strict=True):
+        for name, pose in zip(short_names(arm.tips), cfg.tips, strict=True):
             tip = pose.translation[list(rows)]
             away = tip - com if len(rows) == 2 else style.UP  # from the arm, as far as it is known
             style.annotate(axes, "tip" if len(arm.tips) == 1 else name, tip, color, towards=away)

@@ -14,6 +14,7 @@ from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedErro
 from spacearm.model.arm import SpaceArm
 from spacearm.plots import style
 from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.results import short_names
 from spacearm.singularities.abstract_set import SingularSet
 
 if TYPE_CHECKING:
@@ -216,7 +217,7 @@ def _draw_samples(arm: SpaceArm, samples: Array, ax: Any) -> Any:
 
 def _joint_labels(arm: SpaceArm) -> list[str]:
     """Return the labels of axes of joints, with units."""
-    joints = zip(arm.joint_names, arm.slides, strict=True)
+    joints = zip(short_names(arm.joint_names), arm.slides, strict=True)
     return [f"{name} [{'m' if slides else 'deg'}]" for name, slides in joints]
 
 
@@ -228,7 +229,7 @@ def _structure(points: Array) -> float:
 def _angle_axes(axes: Any, names: Any) -> None:
     """Set all axes to one turn, in degrees, with the names of their joints."""
     turn = range(-180, 181, 60) if len(names) == 2 else range(-120, 121, 60)
-    for axis, name in zip("xyz", names, strict=False):
+    for axis, name in zip("xyz", short_names(names), strict=False):
         axes.set(
             **{f"{axis}lim": (-180, 180), f"{axis}ticks": turn, f"{axis}label": f"{name} [deg]"}
         )
@@ -322,7 +323,7 @@ def draw_free_box(result: FreeBox, ax: Any) -> Any:
         left, right = left * scale[j], right * scale[j]
         axes.barh(j, right - left, left=left, height=0.5, color=style.GREY, alpha=0.25)
         axes.barh(j, high - low, left=low, height=0.5, color=style.GREEN)
-    axes.set_yticks(range(arm.n), arm.joint_names)
+    axes.set_yticks(range(arm.n), short_names(arm.joint_names))
     axes.invert_yaxis()
     axes.set(xlabel="joint position [°] or [m]")
     style.entitle(
@@ -373,7 +374,7 @@ def draw_connection(result: Connection, axes: Any) -> None:
     if len(result.path):
         way = np.append(0.0, np.linalg.norm(np.diff(result.path, axis=0), axis=1).cumsum())
         path = scale * result.path
-        style.draw_curves(axes, way, path, result.arm.joint_names, marker="o")
+        style.draw_curves(axes, way, path, short_names(result.arm.joint_names), marker="o")
         axes.legend(frameon=False)
     axes.set(xlabel="length of the joint path [rad] or [m]", ylabel="joint position [°] or [m]")
     style.entitle(axes, f"{result.arm.name}, connected without singularity: {result.answer}")

@@ -9,6 +9,7 @@ from matplotlib.patches import Wedge
 
 from spacearm.arrays import Array
 from spacearm.plots import style
+from spacearm.results import short_names
 
 if TYPE_CHECKING:
     from spacearm.mission.attitudes import FeasibleAttitudes
@@ -68,7 +69,7 @@ def draw_catch(result: Catch, panels: Any) -> None:
         (result.begin + result.plan.t, standing + result.chase.t, result.t + brake.t)
     )
     all_rates = np.degrees(np.concatenate((result.plan.dq, result.chase.dq, brake.dq)))
-    style.draw_curves(rates, t, all_rates, way.arm.joint_names)
+    style.draw_curves(rates, t, all_rates, short_names(way.arm.joint_names))
     style.legend_beside(rates)
     slides = "°/s, m/s" if way.arm.slides.any() else "°/s"
     rates.set(xlabel="time [s]", ylabel=f"joint rates [{slides}]")
@@ -286,7 +287,7 @@ def draw_budget(result: MomentumBudget, panels: Any) -> None:
             f"spacecraft at rest for at least {result.carries:.4g} s: {result.carrying_ended}",
         ),
     ):
-        style.draw_curves(axes, run.t, run.q, run.arm.joint_names)
+        style.draw_curves(axes, run.t, run.q, short_names(run.arm.joint_names))
         axes.set(xlabel="time [s]")
         style.entitle(axes, title, fontsize=11)
     panels[0].set_ylabel("joints [rad] or [m]")

@@ -192,7 +192,7 @@ def _tip_paths(motion: Motion, along: Array) -> dict[str, Array]:
         return {"tip": motion.tip[:, :3] @ along}
     tips = [motion[i].tips for i in range(len(motion))]
     places = np.array([[tip.translation for tip in row] for row in tips])
-    return {name: places[:, i] @ along for i, name in enumerate(motion.arm.tips)}
+    return {name: places[:, i] @ along for i, name in enumerate(short_names(motion.arm.tips))}
 
 
 def _at_times(x: Array, motion: Motion) -> Array:

@@ -24,7 +24,7 @@ from matplotlib.transforms import Bbox, IdentityTransform
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError
+from spacearm.errors import ConfigurationError, shortened
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -45,6 +45,8 @@ DRAWINGS: dict[str, Callable[..., Any]] = {}
 PIXELS_PER_INCH = 90
 #: Most intervals between ticks, in the plane and in space: their labels then do not touch.
 MOST_TICKS = {False: 6, True: 5}
+#: Most characters of a title: some five lines.
+LONGEST_TITLE = 400
 #: Mean width of a letter, as a share of the size of its font.
 LETTER = 0.52
 AROUND = 2.0 * np.pi * np.arange(12) / 12.0 + np.pi / 4.0
@@ -349,6 +351,7 @@ def annotate(
 def entitle(axes: Any, text: str, **look: Any) -> None:
     """Write the title of axes, in lines no longer than these are wide."""
     size = look.get("fontsize", mpl.rcParams["axes.titlesize"])
+    text = shortened(text, LONGEST_TITLE)
     axes.set_title(folded(text, axes.get_window_extent().width / axes.figure.dpi, size), **look)
 
 

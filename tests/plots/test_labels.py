@@ -104,3 +104,16 @@ def test_labels_of_arms_with_long_names_do_not_touch(name, bend, monkeypatch, tm
         kind = type(thing).__name__
         assert not touching(drawn, monkeypatch), kind
         assert not outside(drawn, monkeypatch), kind
+
+
+@pytest.mark.parametrize("length", [300, 5000])
+def test_names_that_are_too_long_are_shortened_in_figures(length, tmp_path):
+    text = sa.load("planar2").path.read_text(encoding="utf-8")
+    for name in ('name="planar2"', '"joint_1"', '"joint_2"'):
+        text = text.replace(name, f'{name[:-1]}{"a" * length}"')
+    path = tmp_path / "long.urdf"
+    path.write_text(text, encoding="utf-8")
+    figure = sa.plot(sa.singular_map(sa.load(path), points=5))
+    figure.canvas.draw()  # a warning of Matplotlib is an error here
+    shown = [axis.get_label().get_text() for axis in (figure.axes[0].xaxis, figure.axes[0].yaxis)]
+    assert max(map(len, shown)) < 80
