@@ -62,6 +62,8 @@ def plain(value: Any) -> Any:
     """
     if hasattr(value, "to_dict"):
         return value.to_dict()
+    if isinstance(value, np.longdouble | np.clongdouble):  # their tolist() returns the same again
+        return plain(complex(value) if isinstance(value, np.clongdouble) else float(value))
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if value is None or isinstance(value, bool | int | float | str):

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 import spacearm as sa
-from spacearm.arrays import MOST_COUNT, floats, number_of, positive, steps, whole, within
+from spacearm.arrays import MOST_COUNT, floats, number_of, plain, positive, steps, whole, within
 from spacearm.signatures import shown
 
 HUGE = (10**30, 10**400, 10**5000, 1e30, 1e308, math.inf)
@@ -202,3 +202,11 @@ def test_limits_of_wheels_that_are_none_are_refused(limits):
 def test_names_of_wheels_that_are_none_are_refused(wheels):
     with pytest.raises(sa.ConfigurationError, match="wheels"):
         sa.load("planar2", wheels=wheels)
+
+
+def test_numbers_of_extended_precision_are_plain_numbers():
+    values = [np.longdouble(0.5), np.clongdouble(0.5j), np.array([0.5], dtype=np.longdouble)]
+    found = plain(values)
+    assert found == [0.5, [0.0, 0.5], [0.5]]
+    json.dumps(found)
+    sa.CaptureEnvelope(place=np.longdouble(0.5))

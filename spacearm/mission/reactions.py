@@ -498,6 +498,7 @@ def size_wheels(
         return _of_motions(arm, given, progress)
     arm.require_one_tip()
     speed = positive(tip_speed, "tip_speed", "speed [m/s]")
+    near = within(near, "near", 0.0, what="a distance [rad]")
     Q = uniform(arm, True, whole(samples, "samples", 1), generator(seed))
     cfgs: list[Configuration] = []
     moved: list[Array] = []

@@ -597,7 +597,7 @@ def simulate_phases(
         bodies.append(grasped[-1] if grasped else None)
         events += [event._replace(t=begin + event.t) for event in run.events]
         begin += float(run.t[-1])
-        if run.ended == "interrupted" or (phase.stop and run.ended == "duration"):
+        if run.ended == "interrupted" or (len(phase.stop) and run.ended == "duration"):
             break
         start, dq = run[-1], run.dq[-1]
         if isinstance(phase.then, Grasp):

@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 import scipy
 
-from spacearm.arrays import Array, ArrayLike, finite, positive
+from spacearm.arrays import SMALLEST, Array, ArrayLike, finite, positive
 from spacearm.compiler import numbers
 from spacearm.equations.laws import quaternion_rate
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
@@ -174,9 +174,12 @@ def timed_curve(cfg: Configuration, path: Path, times: ArrayLike, at_rest: bool)
         raise ConfigurationError("times are for a path of corners, not for a function of length")
     corners = [goal_pose(cfg, corner, f"path[{i}]") for i, corner in enumerate(path)]
     t = finite(times, (len(corners),), "times", "[s], one for each corner of path, increasing")
-    if not len(t) or t[0] < 0.0 or (np.diff(t) <= 0.0).any() or t[-1] == 0.0:
+    apart = np.diff(t, prepend=0.0)
+    if not len(t) or t[0] < 0.0 or (apart[t > 0.0] < SMALLEST).any() or t[-1] == 0.0:
         told = np.array2string(t, threshold=5)
-        raise ConfigurationError(f"times are {told}; give increasing times from 0 s on")
+        raise ConfigurationError(
+            f"times are {told}; give increasing times from 0 s on, at least {SMALLEST:g} s apart"
+        )
     if t[0] == 0.0 and np.abs(off := goals.miss(cfg, corners[0])).max() > BEGIN:
         raise ConfigurationError(
             f"path begins at 0 s {goals.largest(off, cfg.arm.task.indices)} from where the tip is; "

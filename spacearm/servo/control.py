@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from spacearm.arrays import Array, ArrayLike, positive, within
+from spacearm.arrays import Array, ArrayLike, finite, positive, within
 from spacearm.equations.servo import SHORTEST
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.dynamics import inverse_dynamics
@@ -37,8 +37,9 @@ class ServoControl(Law):
         gain: Rate at which the joints take up their rates [1/s], at most 1 / period.
 
     Raises:
-        ConfigurationError: period or gain is not positive, or too large; or, when it is called, the
-            times are not those of a controller sampled with its period.
+        ConfigurationError: twist is not finite or has the wrong shape; period or gain is not
+            positive, or too large; or, when it is called, the times are not those of a controller
+            sampled with its period.
 
     Example:
         >>> import spacearm as sa
@@ -56,6 +57,9 @@ class ServoControl(Law):
     _taken: deque[tuple[bytes, ServoStep]] = field(default_factory=deque, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        if not callable(self.twist):
+            twists = self.servo.tip_twists(self.twist)
+            finite(twists, twists.shape, "twist", "[m/s], [rad/s]")
         longest = float(self.servo.limits.longest)
         within(self.period, "period", SHORTEST, longest, "the time of a step of the servo [s],")
         if positive(self.gain, "gain", "gain [1/s]") * self.period > 1.0 + SAME:

@@ -267,20 +267,27 @@ class Servo:
         Raises:
             ConfigurationError: Something has the wrong shape.
         """
-        n, tips, momentum = self.arm.n, len(self.arm.tips), np.zeros(6)
+        n, momentum = self.arm.n, np.zeros(6)
         if isinstance(posture, Configuration):
             q, turn = posture.q, pin.SE3ToXYZQUAT(posture.base)[3:]
             momentum = posture.momentum - posture.stored
         else:
             given, base = _pair(posture)
             q, turn = _numbers(given, (n,), "q"), _quaternion(base)
-        rows = self.arm.task.indices
-        if len(rows) != 6 * tips and shape_of(twist) == (len(rows),):
-            v: Array = np.zeros(6 * tips)
-            v[list(rows)] = _numbers(twist, (len(rows),), "twist")
-        else:
-            v = _numbers(twist, (6 * tips,), "twist")
-        return Seen(q, turn, v, _numbers(dt, (), "dt"), momentum)
+        return Seen(q, turn, self.tip_twists(twist), _numbers(dt, (), "dt"), momentum)
+
+    def tip_twists(self, twist: ArrayLike) -> Array:
+        """Return the twists (6 tips,) of a commanded twist, as `step` takes it.
+
+        Raises:
+            ConfigurationError: It has the wrong shape.
+        """
+        rows, size = self.arm.task.indices, 6 * len(self.arm.tips)
+        if len(rows) == size or shape_of(twist) != (len(rows),):
+            return _numbers(twist, (size,), "twist")
+        twists = np.zeros(size)
+        twists[list(rows)] = _numbers(twist, (len(rows),), "twist")
+        return twists
 
     def start(
         self, posture: Posture, *, prove: bool = False, progress: Progress | None = None

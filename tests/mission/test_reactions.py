@@ -284,6 +284,9 @@ def test_bad_input():
         sa.size_wheels(other, swing(arm, m=3))
     with pytest.raises(sa.ConfigurationError, match="motions is empty"):
         sa.size_wheels(arm, [])
+    for near in (1e308, -1, np.nan, "a"):
+        with pytest.raises(sa.ConfigurationError, match="near is "):
+            sa.size_wheels(arm, tip_speed=0.1, samples=20, near=near)
     with pytest.raises(sa.NoSolutionError, match="all 20 postures"):
         sa.size_wheels(arm.replace(task="x y rz"), tip_speed=0.1, samples=20)
 

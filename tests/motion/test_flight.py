@@ -165,3 +165,9 @@ def test_a_flight_as_one_motion():
         motion[len(motion)]
     with pytest.raises(sa.UnsupportedError, match="save its phases"):
         motion.save("flight.npz")
+
+
+@pytest.mark.parametrize("stop", [np.array([]), (), [], np.array(["target"])], ids=repr)
+def test_events_that_end_a_phase_may_be_an_array(stop):
+    flight = sa.simulate_phases(ARM.at(Q0), [sa.Phase(COAST, 0.1, stop=stop), sa.Phase(COAST, 0.1)])
+    assert len(flight.phases) == (1 if len(stop) else 2)

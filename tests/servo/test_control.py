@@ -49,3 +49,9 @@ def test_it_is_not_called_at_other_times_than_its_own():
         sa.ServoControl(servo=control.servo, twist=[0.1, 0.0], period=0.2, gain=1.0)
     with pytest.raises(sa.ConfigurationError, match="give at most 10"):
         sa.ServoControl(servo=control.servo, twist=[0.1, 0.0], period=0.1)
+
+
+@pytest.mark.parametrize("twist", [10**400, [np.nan, 0.0], [1e300, 0.0], "ab", [0.1], None])
+def test_a_constant_twist_that_is_none_is_refused(twist):
+    with pytest.raises(sa.ConfigurationError, match="twist"):
+        sa.ServoControl(servo=sa.Servo(sa.load("planar2"), rates=0.5), twist=twist)
