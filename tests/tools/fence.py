@@ -1,14 +1,16 @@
 """Fence: notes and refuses what a case of fuzzing must not do, by Python's audit events (Linux).
 
 A case may write into its own folder, and leave there what it names; it may speak with a socket that
-this process itself opened on 127.0.0.1. Compiled code goes where it always goes. C code makes no
-audit events: what it writes into the folder or beside it shows in the listing afterwards, what it
-writes elsewhere, or tells others, is not seen.
+this process itself opened on 127.0.0.1. The one program that may start is the package's own
+process that reads files with a limit of memory; it is not fenced. Compiled code goes where it
+always goes. C code makes no audit events: what it writes into the folder or beside it shows in the
+listing afterwards, what it writes elsewhere, or tells others, is not seen.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import sys
 from collections.abc import Iterator
@@ -17,6 +19,7 @@ from pathlib import Path
 from weakref import WeakSet
 
 from spacearm.compiler.machine import folder as code_folder
+from spacearm.processes import COMMAND
 
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 CHANGES = {
@@ -74,6 +77,10 @@ class Fence:
             raise PermissionError(f"fenced: {fault}")
 
     def _fault(self, event: str, arguments: tuple[object, ...]) -> str | None:
+        if event == "subprocess.Popen" and tuple(arguments[1]) == COMMAND:
+            return None
+        if event == "os.kill" and arguments[1] == signal.SIGKILL and _is_worker(arguments[0]):
+            return None
         if event in NEVER:
             return f"{event} {arguments}"
         if event == "open":
@@ -107,6 +114,16 @@ class Fence:
         known = [s.getsockname() for s in self._listening if s.fileno() >= 0]
         met = address is None if event == "socket.sendmsg" else address in known
         return None if met and event != "socket.bind" else f"{event} {address}"
+
+
+def _is_worker(pid: int) -> bool:
+    """Whether a process is one that this process has started by `COMMAND`."""
+    try:
+        words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")[:-1]
+        parent = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1]
+    except OSError:
+        return False
+    return int(parent) == os.getpid() and tuple(map(os.fsdecode, words)) == COMMAND
 
 
 def listing(folder: Path) -> set[Path]:

@@ -3,6 +3,7 @@
     python tests/tools/fuzz.py                     # every target, 100 cases each
     python tests/tools/fuzz.py urdf 5000 --seed 7  # one target, many cases
     python tests/tools/fuzz.py urdf 1 --seed 7 --first 312   # one case again
+    python tests/tools/fuzz.py --seconds 20   # no case begins later than this, in each target
     python tests/tools/fuzz.py --limit 5      # on a quiet machine: what is slow is a fault too
 
 Whatever the input, what comes is a result or a SpaceArmError: no other exception, no crash, no
@@ -36,6 +37,8 @@ from hostile_calls import calls
 from hostile_commands import commands, spoken
 from hostile_files import meshes, stores, studies, trajectories
 from hostile_page import messages
+from hostile_robots import formats, names
+from hostile_tables import tables
 
 import spacearm as sa
 
@@ -64,9 +67,12 @@ class Log(logging.Handler):
 
 TARGETS = {
     "urdf": urdf,
+    "formats": formats,
+    "names": names,
     "motions": motions,
     "calls": calls,
     "commands": commands,
+    "tables": tables,
     "studies": studies,
     "stores": stores,
     "trajectories": trajectories,
@@ -83,6 +89,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--limit", type=float, default=LIMIT)
+    parser.add_argument("--seconds", type=float, default=np.inf)
     asked = parser.parse_args()
     sys.dont_write_bytecode = True
     faulthandler.enable()
@@ -113,8 +120,10 @@ def cases(
 ) -> int:
     """Runs the cases of one target; how many misbehave."""
     outcomes: Counter[str] = Counter()
-    slowest, seed = 0.0, asked.seed
+    slowest, seed, started = 0.0, asked.seed, time.monotonic()
     for number in numbers:
+        if time.monotonic() - started > asked.seconds:
+            break
         rng, begun = np.random.default_rng([seed, number]), time.monotonic()
         print(f"{target} {number}", end="\r", file=sys.stderr, flush=True)  # stands after a crash
         with (
@@ -150,7 +159,7 @@ def cases(
         slowest = max(slowest, time.monotonic() - begun)
     counts = ", ".join(f"{outcomes[name]} {name}" for name in ("accepted", "refused", "faults"))
     print(
-        f"{target}: {len(numbers)} cases, seed {seed}: {counts}; slowest {slowest:.2f} s",
+        f"{target}: {outcomes.total()} cases, seed {seed}: {counts}; slowest {slowest:.2f} s",
         flush=True,
     )
     return outcomes["faults"]

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from helpers.arms import with_wheels
 from hostile import FaultError
 
 import spacearm as sa
@@ -79,6 +80,22 @@ def _servo() -> sa.Servo:
 @lru_cache
 def _boxes() -> sa.FreeBoxes:
     return sa.free_boxes(_arm(), most=200)
+
+
+@lru_cache
+def _tumbling() -> sa.Target:
+    """A box before the hand of chaser7."""
+    place = _cfg("chaser7").tip * sa.pose((0.1, 0.0, 0.8))
+    box = sa.Bus(60.0, size=(0.6, 0.6, 0.8))
+    return sa.Target(box, place, grapples={"ring": sa.pose((0, 0, -0.45))})
+
+
+@lru_cache
+def _held() -> sa.Held:
+    """The tip of chaser7 closed on a body where it is."""
+    cfg = _cfg("chaser7")
+    box = sa.Target(sa.Bus(6.0, size=(0.2, 0.2, 0.2)), cfg.tip)
+    return sa.hold(cfg, box, {cfg.arm.tips[0]: sa.pose()}, limits=False)
 
 
 def _law() -> sa.JointPD:
@@ -314,7 +331,115 @@ CALLS: Mapping[str, Callable[[], tuple[Callable[..., Any], dict[str, Any]]]] = {
         sa.SingularityBarrier, {"arm": _arm("chaser7"), "margin": 0.05, "gain": 10.0}
     ),
     "plot": lambda: (sa.plot, {"thing": _run()}),
+    **{
+        name: lambda name=name: (getattr(sa, name), {"cfg": _cfg(), "mode": "free-floating"})
+        for name in (
+            "error_bars", "generalized_inertia", "generalized_jacobian",
+            "generalized_jacobian_derivative",
+        )
+    },
+    **{
+        name: lambda name=name: (getattr(sa, name), {"cfg": _cfg()})
+        for name in ("barycentric", "fixed_base_jacobian", "momentum_matrix")
+    },
+    "kinetic_energy": lambda: (
+        sa.kinetic_energy, {"cfg": _cfg(), "dq": [0.1, 0.2], "mode": "free-floating"}
+    ),
+    "Motion": lambda: (sa.Motion, {
+        "arm": _arm(), "t": [0.0, 1.0], "q": Q, "base": np.tile(np.eye(7)[6], (2, 1)),
+        "mode": "free-floating",
+    }),
+    "MomentumConservation": lambda: (sa.MomentumConservation, {"arm": _arm()}),
+    "Reactionless": lambda: (_controlled(sa.Reactionless, "chaser7"), {
+        "target": sa.pose((0.9, 0.4, 0.2)), "gain": 1.0, "servo": 20.0, "damping": 0.1,
+        "threshold": 0.1, "mode": "free-floating",
+    }),
+    "catch": lambda: (sa.catch, {
+        "start": _cfg("chaser7"), "target": _tumbling(), "grapple": "ring", "window": (1.0, 9.0),
+        "approach": 0.2, "closing": 0.05, "touching": None, "bears": (50.0, 50.0), "wanted": 1,
+        "mode": "free-floating", "search": sa.Search(timeout=0.5),
+    }),
+    "hold": lambda: (sa.hold, {
+        "start": _cfg("dual_ur5"), "target": _tumbling(), "grasps": {"left": "ring"},
+        "fixed": False, "limits": True, "seed": 0,
+    }),
+    "held report": lambda: (_held().report, {"mode": "free-floating", "tolerance": 1e-4}),
+    "held map": lambda: (_held().map, {
+        "axes": ("x", "y"), "span": (0.1, 0.1), "points": 3, "mode": "free-floating",
+        "limits": True,
+    }),
+    "held follow": lambda: (_held().follow, {
+        "path": [_held().target.pose * sa.pose((0.01, 0, 0))], "frame": "inertial",
+        "length": None, "speed": 0.1, "times": None, "at_rest": False, "rest": None,
+        "limits": False,
+    }),
+    "held plan": lambda: (_held().plan, {
+        "goal": _held().target.pose * sa.pose((0.05, 0, 0)), "frame": "inertial",
+        "mode": "free-floating", "search": sa.Search(timeout=0.5),
+    }),
+    "held simulate": lambda: (_held().simulate, {
+        "controller": sa.JointPD(_cfg("chaser7").q, 5, 9), "duration": 0.02, "dq": np.zeros(7),
+        "squeeze": None,
+        "bears": (50.0, 50.0),
+    }),
+    "held regrasp": lambda: (_held().regrasp, {
+        "tip": "tip", "grasp": sa.pose(), "approach": 0.1, "closing": 0.02,
+        "search": sa.Search(timeout=0.5),
+    }),
+    "detumble": lambda: (sa.detumble, {
+        "start": _wheeled(), "goal": (0.9, 1.4), "final_attitude": None, "duration": None,
+        "origin": "cm", "search": sa.Search(timeout=0.5),
+    }),
+    "identify": lambda: (sa.identify, {
+        "motion": _carried(), "arm": None, "dq": None, "twist": None, "noise": [0.1, 0.1, 0.1],
+    }),
+    "free_box_for_all": lambda: (sa.free_box_for_all, {
+        "uncertain": _about(), "about": _cfg(), "joints": ["joint_1"], "at_least": None,
+        "within": ([-1, 1], [1, 2]), "clearance": 0.01, "timeout": 1.0,
+    }),
+    "is_free_for_all": lambda: (sa.is_free_for_all, {"uncertain": _about(), "path": Q}),
+    "robust_plan": lambda: (sa.robust_plan, {
+        "uncertain": _about(), "start": _cfg(), "goal": (0.9, 1.4), "via": (),
+        "final_attitude": None, "duration": None, "origin": "cm", "search": _brief(),
+    }),
+    "to_c": lambda: (sa.to_c, {
+        "arm": _arm(), "folder": ".", "mode": "free-floating", "parameters": "masses",
+        "servo": False,
+    }),
+    "to_casadi": lambda: (sa.to_casadi, {
+        "arm": _arm(), "mode": "free-floating", "parameters": "masses",
+    }),
+    "to_mjcf": lambda: (sa.to_mjcf, {"arm": _arm(), "path": "again.xml"}),
+    "to_sdf": lambda: (sa.to_sdf, {"arm": _arm(), "path": "again.sdf"}),
+    "to_urdf": lambda: (_arm().to_urdf, {"path": "again.urdf"}),
+    "write_motion": lambda: (sa.write_motion, {"motion": _run(), "path": "way.csv"}),
+    "save": lambda: (_run().save, {"path": "way.npz"}),
+    "load motion": lambda: (sa.Motion.load, {"path": "way.npz", "arm": _arm()}),
+    "load boxes": lambda: (
+        sa.FreeBoxes.load, {"path": "boxes.npz", "arm": _arm(), "mode": "free-floating"}
+    ),
+    "sweep": lambda: (sa.sweep, {"study": "study.toml", "store": "run.zarr", "workers": 1}),
+    "view": lambda: (sa.view, {
+        "thing": _arm(), "compare": None, "obstacles": (), "port": None, "open": False,
+    }),
 }  # fmt: skip
+
+
+@lru_cache
+def _wheeled() -> sa.Configuration:
+    """An arm with a wheel, which spins."""
+    path = Path("wheeled.urdf")
+    path.write_text(with_wheels("planar2", (0, 0, 1)), encoding="utf-8")
+    arm = sa.load(path)
+    path.unlink()
+    return arm.at([0.3, 1.2], momentum=[0, 0, 0, 0, 0, 0.05])
+
+
+@lru_cache
+def _carried() -> sa.Trajectory:
+    """A run with a payload."""
+    held = _arm().grasp(3.0, 0.4 * np.eye(3), (0.1, 0.2, 0)).at([0.3, 1.2])
+    return sa.simulate(held, _law(), 5.0, integration=sa.Integration(dt=0.1))
 
 
 def _spinning() -> sa.Configuration:
@@ -329,8 +454,8 @@ def _sampled(**given: Any) -> sa.Trajectory:
     return sa.simulate(_cfg(), _law(), 0.2, sampling=sa.Sampling(**given))
 
 
-def _controlled(kind: Callable[..., Any]) -> Callable[..., sa.Trajectory]:
-    return lambda **given: sa.simulate(_cfg(), kind(**given), 0.1)
+def _controlled(kind: Callable[..., Any], arm: str = "planar2") -> Callable[..., sa.Trajectory]:
+    return lambda **given: sa.simulate(_cfg(arm), kind(**given), 0.1)
 
 
 def _planted(**given: Any) -> sa.Trajectory:
@@ -386,8 +511,23 @@ def _watched(*, ahead: Any, **given: Any) -> object:
     return list(_servo().watch(states, ahead=ahead))
 
 
-def calls(rng: np.random.Generator, _folder: Path, _named: set[str]) -> None:
+WRITTEN = (
+    "planar2.c",
+    "planar2.h",
+    "again.xml",
+    "again.sdf",
+    "again.urdf",
+    "way.csv",
+    "way.npz",
+    "a",
+)
+"""What calls may write."""
+
+
+def calls(rng: np.random.Generator, _folder: Path, named: set[str]) -> None:
     """Calls a function with one argument, or one entry of it, that is something else."""
+    written = (str(x) for x in OTHERS if isinstance(x, str | Path) and str(x).strip())
+    named.update(WRITTEN, written)
     names = list(CALLS)
     function, given = CALLS[names[rng.integers(len(names))]]()
     for _ in range(rng.choice([1, 2], p=[0.8, 0.2])):

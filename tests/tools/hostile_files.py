@@ -21,7 +21,7 @@ from mutations import HOSTILE, altered, changed_text
 import spacearm as sa
 import spacearm.sweeps.runner
 from spacearm.collisions.separation import Collisions
-from spacearm.sweeps.runner import do, status
+from spacearm.sweeps.runner import Work, status
 from spacearm.sweeps.study import Chunk, Recipe
 
 # --- studies and their stores ---------------------------------------------------------------
@@ -56,10 +56,10 @@ class Here:
     def __init__(self, _: int, recipe: Recipe, path: str) -> None:
         self._order = (recipe, path)
 
-    def submit(self, chunk: Chunk) -> Future[str]:
+    def submit(self, work: Work, chunk: Chunk) -> Future[str]:
         done: Future[str] = Future()
         try:
-            done.set_result(do(*self._order, chunk))
+            done.set_result(work(*self._order, chunk))
         except Exception as error:  # as in a process
             done.set_exception(error)
         return done
@@ -217,7 +217,12 @@ SOLIDS = (
     trimesh.creation.icosphere(1, 0.4),
     trimesh.creation.cylinder(0.1, 2, sections=6),
 )
-KINDS = ("stl", "stl_ascii", "obj", "ply", "dae")
+KINDS = ("stl", "stl_ascii", "obj", "ply", "dae", "glb", "gltf")
+
+
+def _gltf(solid: trimesh.Trimesh) -> bytes:
+    """A glTF whose buffers stand in it as data URIs."""
+    return trimesh.Scene(solid).export(file_type="gltf", embed_buffers=True)["model.gltf"]
 
 
 def meshes(rng: np.random.Generator, folder: Path, named: set[str]) -> None:
@@ -228,11 +233,11 @@ def meshes(rng: np.random.Generator, folder: Path, named: set[str]) -> None:
     if odd:
         flat = rng.choice([0.0, 1.0], 3, p=[0.1, 0.9])
         solid.vertices = solid.vertices * flat * 10.0 ** rng.uniform(-9, 9, 3)
-    content = solid.export(file_type=kind)
+    content = solid.export(file_type=kind) if kind != "gltf" else _gltf(solid)
     file = f"body.{kind.removesuffix('_ascii') if rng.random() < 0.95 else rng.choice(KINDS)}"
     if odd:
         Path(file).write_bytes(content.encode() if isinstance(content, str) else content)
-    elif isinstance(content, str) or (kind == "dae" and rng.random() < 0.7):
+    elif isinstance(content, str) or (kind in ("dae", "gltf") and rng.random() < 0.7):
         text = content if isinstance(content, str) else content.decode()
         Path(file).write_bytes(changed_text(text, rng))
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -38,13 +39,13 @@ def mutated(text: str, rng: np.random.Generator) -> bytes:
     return data
 
 
-def renamed(text: str, rng: np.random.Generator) -> str:
+def renamed(text: str, rng: np.random.Generator, names: Sequence[str] = HOSTILE) -> str:
     """URDF text with a hostile name of the robot, of a link or of a joint, wherever it stands."""
-    names = re.findall(r'name="([^"]+)"', text)
-    if not names:
+    given = re.findall(r'name="([^"]+)"', text)
+    if not given:
         return text
-    old = names[0 if rng.random() < 0.5 else rng.integers(len(names))]
-    return text.replace(f'"{old}"', f'"{rng.choice(HOSTILE)}"')
+    old = given[0 if rng.random() < 0.5 else rng.integers(len(given))]
+    return text.replace(f'"{old}"', f'"{names[rng.integers(len(names))]}"')
 
 
 def other_numbers(text: str, rng: np.random.Generator) -> str:
