@@ -174,12 +174,10 @@ def timed_curve(cfg: Configuration, path: Path, times: ArrayLike, at_rest: bool)
         raise ConfigurationError("times are for a path of corners, not for a function of length")
     corners = [goal_pose(cfg, corner, f"path[{i}]") for i, corner in enumerate(path)]
     t = finite(times, (len(corners),), "times", "[s], one for each corner of path, increasing")
-    apart = np.diff(t, prepend=0.0)
-    if not len(t) or t[0] < 0.0 or (apart[t > 0.0] < SMALLEST).any() or t[-1] == 0.0:
-        told = np.array2string(t, threshold=5)
-        raise ConfigurationError(
-            f"times are {told}; give increasing times from 0 s on, at least {SMALLEST:g} s apart"
-        )
+    apart = np.diff(t if len(t) and t[0] == 0.0 else np.append(0.0, t))
+    if not len(apart) or apart.min() < SMALLEST:
+        more = f"increasing times from 0 s on, at least {SMALLEST:g} s apart"
+        raise ConfigurationError(f"times are {np.array2string(t, threshold=5)}; give {more}")
     if t[0] == 0.0 and np.abs(off := goals.miss(cfg, corners[0])).max() > BEGIN:
         raise ConfigurationError(
             f"path begins at 0 s {goals.largest(off, cfg.arm.task.indices)} from where the tip is; "
@@ -300,8 +298,7 @@ class TipCurve:
         if self.moving:
             cfg = cfg.with_momentum(ds * cfg.momentum).with_wheels(ds * cfg.wheels)
         w = spacecraft_twist(cfg, dq, self.mode)[3:] @ cfg.base.rotation
-        turning = quaternion_rate(numbers, y[-5:-1], w)
-        return np.concatenate((dq, turning, [ds]))
+        return np.concatenate((dq, quaternion_rate(numbers, y[-5:-1], w), [ds]))
 
     def motion(self, y: Array, speed: float) -> tuple[Array, Array]:
         """Compute the joint rates and accelerations (n,) with which s grows at a constant speed.

@@ -317,6 +317,8 @@ def test_a_path_in_time_of_rounded_numbers_begins_where_the_tip_is(arm):
     [
         ({"times": [1.0]}, "times"),
         ({"times": [2.0, 1.0]}, "increasing"),
+        ({"times": [1.0, -1.0]}, "increasing"),
+        ({"times": [-1.0, 1.0]}, "increasing"),
         ({"times": [1e-308, 1.0]}, "1e-12 s apart"),
         ({"times": [1.0, 1.0 + 1e-15]}, "1e-12 s apart"),
         ({"times": [0.0, 1.0]}, r"begins at 0 s 0\.\d+ m from where the tip is"),
