@@ -39,7 +39,7 @@ from spacearm.motion.events import Event, first_fall
 from spacearm.motion.goal import twist_between
 from spacearm.motion.motion import Trajectory
 from spacearm.motion.motion_file import Quantity
-from spacearm.motion.plant import Integration, Plant, wheel_torques
+from spacearm.motion.plant import Integration, Plant, WheelHold, wheel_torques
 from spacearm.motion.simulation import audit
 from spacearm.motion.system import System, prepared
 from spacearm.results import Column, Description, Table
@@ -264,6 +264,12 @@ class Simulation:
             raise errors.UnsupportedError(
                 f"wrenches on {links} are not simulated with a held target; give wheels, passive "
                 "and limits of the plant only"
+            )
+        sampled = isinstance(plant.wheels, WheelHold) and plant.wheels.sampled
+        if sampled or plant.wheel_friction:
+            raise errors.UnsupportedError(
+                "wheels that are sampled or have friction are not simulated with a held target; "
+                "leave sampled and wheel_friction out"
             )
         if len(memory_at_start(controller, carrying.start)):
             raise errors.UnsupportedError(

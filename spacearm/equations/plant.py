@@ -66,6 +66,8 @@ class Setup(NamedTuple):
         laws: The laws, whose torques add up.
         wheels: The body that carries each wheel.
         holds: Whether the wheels hold the attitude.
+        sampled: Whether their law acts at control instants; their torques are then held, too.
+        drag: Whether friction slows the wheels.
         motors: Where the torques of the wheels over time come from, else.
         pushed: What is pushed.
         passive: Whether joints have springs or friction.
@@ -76,6 +78,8 @@ class Setup(NamedTuple):
     laws: tuple[Law, ...] = ()
     wheels: tuple[int, ...] = ()
     holds: bool = False
+    sampled: bool = False
+    drag: bool = False
     motors: Source | None = None
     pushed: tuple[Pushed, ...] = ()
     passive: bool = False
@@ -93,6 +97,7 @@ class Setup(NamedTuple):
             ("axes", (w, 3)),
             *((("spread", (w, 3)), ("torque", (w,)), ("capacity", (w,)), ("hold", (2,)),
                ("level", (3, 3))) if self.holds else ()),
+            *((("drag", ()),) if self.drag else ()),
             ("places", (p, 3)), ("turns", (p, 3, 3)), ("wrenches", (p, 6)),
             ("bounds", (len(self.events),)),
         )  # fmt: skip
@@ -207,7 +212,7 @@ def cut_torques(xp: Any, tau: Any, dq: Any, effort: Any, speed: Any) -> Any:
 
 def _given(xp: Any, now: State, setup: Setup, calls: Calls, held: Any) -> Any:
     """Compute the torques (n,) of the motors, those of the laws if none are held."""
-    tau = _asked(xp, now, setup, calls) if held is None else held
+    tau = _asked(xp, now, setup, calls) if held is None else held[: now.tree.n]
     if not setup.limits:
         return tau
     return cut_torques(xp, tau, now.dq, now.given["effort"], now.given["speed"])
@@ -237,7 +242,8 @@ def state_rate(
         laws: The numbers of the laws, one law after the other, as `Law.numbers` lays them out.
         plant: The other numbers, as `Setup.plant_shapes` does.
         setup: What else is known.
-        held: (n,) torques of a controller of fixed rate, in place of those of the laws.
+        held: (n,) torques of a controller of fixed rate, in place of those of the laws; then (w,)
+            those of wheels that are sampled.
         calls: The functions outside.
     """
     now = moving(xp, tree, p, t, y, laws, plant, setup)
@@ -248,7 +254,7 @@ def state_rate(
     pushes = list(_pushes(xp, now, setup, calls))
     loads = _loads(xp, now, wheels, pushes)
     nu, _ = twists(xp, tree, now.at, dq, loads)
-    spin = _motors(xp, now, setup, calls, nu)
+    spin = _motors(xp, now, setup, calls, nu, held)
     if spin:
         loads = _loads(xp, now, wheels, pushes, spin)
     ddq = accelerations(xp, tree, now.at, dq, tau + give, loads)
@@ -338,28 +344,67 @@ def _loads(xp: Any, now: State, wheels: Any, pushes: Any, spin: Any = ()) -> Loa
     return Loads(now.base.rotation.T @ now.momentum[3:], xp.stack(held), wrenches)
 
 
-def _motors(xp: Any, now: State, setup: Setup, calls: Calls, nu: Any) -> list[Any]:
-    """Compute the torque that each wheel takes up [N m].
+def _motors(xp: Any, now: State, setup: Setup, calls: Calls, nu: Any, held: Any) -> list[Any]:
+    """Compute the torque that each wheel takes up, that of friction included [N m].
 
     Wheels that hold turn the spacecraft by -K phi - C w_0, phi the rotation vector from its
     attitude at the start. A wheel that holds all that it can takes no more.
     """
     if setup.motors is not None:
-        return [*_over_time(xp, setup.motors, calls.get("motors"), now.t)]
-    if not setup.holds:
-        return [0.0] * len(setup.wheels)
-    return [*held_attitude(xp, now, nu[0, 3:])]
+        spin = [*_over_time(xp, setup.motors, calls.get("motors"), now.t)]
+    elif not setup.holds:
+        spin = [0.0] * len(setup.wheels)
+    elif setup.sampled and held is not None:
+        spin = [*_unless_full(xp, now, held[now.tree.n :])]
+    else:
+        spin = [*held_attitude(xp, now, nu[0, 3:])]
+    if not setup.drag:
+        return spin
+    return [one - now.given["drag"] * now.wheels[i] for i, one in enumerate(spin)]
 
 
 def held_attitude(xp: Any, now: State, spin: Any) -> Any:
     """Compute the torques (w,) of wheels that hold the attitude, w_0 (3,) being that of `spin`."""
+    return _unless_full(xp, now, _restoring(xp, now, spin))
+
+
+def _restoring(xp: Any, now: State, spin: Any) -> Any:
+    """Compute the torques (w,) that the law of the wheels asks for, cut to the largest."""
     given, R = now.given, now.base.rotation
     phi = R.T @ control.rotation_vector(xp, given["level"], R)
     asked = given["spread"] @ (given["hold"][0] * phi + given["hold"][1] * spin)
-    asked = xp.minimum(xp.maximum(asked, -given["torque"]), given["torque"])
+    return xp.minimum(xp.maximum(asked, -given["torque"]), given["torque"])
+
+
+def _unless_full(xp: Any, now: State, asked: Any) -> Any:
+    """Compute the torques (w,) of wheels: a wheel that holds all that it can takes no more."""
     momentum = now.wheels
-    full = xp.logical_and(xp.absolute(momentum) >= given["capacity"], asked * momentum > 0.0)
+    full = xp.logical_and(xp.absolute(momentum) >= now.given["capacity"], asked * momentum > 0.0)
     return xp.where(full, 0.0, asked)
+
+
+def wheel_torques(
+    xp: Any, tree: Structure, p: Parameters, t: Any, y: Any, laws: Any, plant: Any, *,
+    measured: Any, gyro: Any, setup: Setup, **_: Callable[..., Any],
+) -> Any:  # fmt: skip
+    """Compute the torques (w,) that the law of the wheels asks for at a control instant.
+
+    Args:
+        xp: The array library.
+        tree: As in `state_rate`, like the arguments that are not described here.
+        p: As there.
+        t: As there.
+        y: As there.
+        laws: As there.
+        plant: As there.
+        measured: (states,) the state as it is measured, whose attitude counts.
+        gyro: (3,) error of the measured angular velocity, spacecraft axes [rad/s].
+        setup: As there.
+    """
+    now = moving(xp, tree, p, t, y, laws, plant, setup)
+    nu, _ = twists(xp, tree, now.at, now.dq, _loads(xp, now, list(_wheels(now, setup)), []))
+    seen = moving(xp, tree, p, t, measured, laws, plant, setup)
+    return _restoring(xp, seen, nu[0, 3:] + gyro)
 
 
 def event_values(

@@ -62,7 +62,7 @@ class Steps(NamedTuple):
 def integrated(setup: equations.Setup, n: int, mode: BaseMode) -> tuple[int, ...]:
     """Return which components of the state change at all; the works are the last."""
     at = equations.parts(n, len(setup.wheels))
-    turned = bool(setup.wheels) and (setup.holds or setup.motors is not None)
+    turned = bool(setup.wheels) and (setup.holds or setup.drag or setup.motors is not None)
     changes = (
         (at.q, True), (at.dq, True), (at.attitude, mode == "free-floating"),
         (at.com, mode != "fixed"), (at.momentum, bool(setup.pushed)), (at.wheels, turned),

@@ -100,17 +100,38 @@ class WheelHold(Parameters):
         damping: C [N m s/rad].
         torque: Largest torque of a wheel's motor [N m].
         capacity: Largest momentum that a wheel holds [N m s].
+        sampled: Whether a simulation computes the law at the control instants of its `sampling`,
+            from the measured attitude and angular velocity, and holds the torques in between. If
+            not, the law acts continuously and without noise.
+        torque_quantum: Step of the torque of a sampled law [N m]: it is rounded to the nearest
+            multiple that the motor can give; 0 for no rounding.
     """
 
     stiffness: float
     damping: float
     torque: float = np.inf
     capacity: float = np.inf
+    sampled: bool = False
+    torque_quantum: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("stiffness", "damping", "torque", "capacity"):
             most = LARGEST if name in ("stiffness", "damping") else math.inf
             within(getattr(self, name), f"{name} of the wheels", 0.0, most)
+        quantum = within(self.torque_quantum, "torque_quantum of the wheels", 0.0)
+        if quantum > 0.0 and not self.sampled:
+            raise ConfigurationError(
+                f"torque_quantum of the wheels is {quantum:g} and sampled is False; give "
+                "sampled=True, or leave torque_quantum out"
+            )
+
+    def quantised(self, torque: Array) -> Array:
+        """Return torques, rounded to the nearest multiples of `torque_quantum` within `torque`."""
+        quantum = self.torque_quantum
+        if quantum == 0.0:
+            return torque
+        most = math.inf if self.torque == math.inf else math.floor(self.torque / quantum)
+        return quantum * np.clip(np.round(torque / quantum), -most, most)
 
 
 @checked
@@ -127,6 +148,9 @@ class Plant(Parameters):
         thrusters: The same along the axes of the link.
         passive: Springs, damping and friction of joints by name; such a joint may have torques too;
             "described" takes damping and dry friction of the robot's file (URDF, MJCF).
+        wheel_friction: Rate at which viscous friction slows each wheel [1/s]: the coefficient of
+            friction [N m s/rad] over the moment of inertia of the wheel. What the wheel loses goes
+            to the link that carries it. The wheel torques of a trajectory include it.
         limits: Whether the motors keep the limits of the description: torques are cut to the
             largest effort, and the torque that drives a joint falls to zero between 90 % and 100 %
             of its largest velocity.
@@ -137,8 +161,10 @@ class Plant(Parameters):
     thrusters: Mapping[str, Wrench] = field(default_factory=dict)
     passive: Mapping[str, PassiveJoint] | Literal["described"] = field(default_factory=dict)
     limits: bool = False
+    wheel_friction: float = 0.0
 
     def __post_init__(self) -> None:
+        within(self.wheel_friction, "wheel_friction", 0.0, LARGEST, "a rate [1/s]")
         for link, wrench, _ in self.pushed:
             wrench_at(link, wrench, 0.0)
         for name, joint in () if isinstance(self.passive, str) else self.passive.items():
@@ -218,6 +244,8 @@ class Sampling(Parameters):
         rate_noise: That of the joint rates [rad/s] or [m/s], likewise.
         attitude_noise: That of the spacecraft's attitude, a turn about each of its axes [rad], one
             number or (3,).
+        gyro_noise: That of the spacecraft's angular velocity about each of its axes [rad/s], one
+            number or (3,). A law of the wheels that is sampled uses it; see `WheelHold`.
         seed: Seed of the noise; run i of `simulate_many` is that of `simulate` with seed + i.
     """
 
@@ -226,6 +254,7 @@ class Sampling(Parameters):
     position_noise: ArrayLike = 0.0
     rate_noise: ArrayLike = 0.0
     attitude_noise: ArrayLike = 0.0
+    gyro_noise: ArrayLike = 0.0
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -244,13 +273,15 @@ class Sampling(Parameters):
         return 0.5 / (self.period + 1.5 * self.delay)
 
     def noise(self, n: int) -> Array:
-        """Return the standard deviations (2 n + 3,) of positions, rates and attitude.
+        """Return the standard deviations (2 n + 6,) of positions, rates, attitude and gyros.
 
         Raises:
             ConfigurationError: They have other shapes, or are below 0.
         """
         parts = []
-        for name, size in (("position_noise", n), ("rate_noise", n), ("attitude_noise", 3)):
+        joints, spacecraft = ("position_noise", "rate_noise"), ("attitude_noise", "gyro_noise")
+        for name in (*joints, *spacecraft):
+            size = n if name in joints else 3
             value, shape = getattr(self, name), (size,) if shape_of(getattr(self, name)) else ()
             deviation = finite(value, shape, name, f"(standard deviation), one number or {size}")
             if deviation.min() < 0.0:

@@ -12,7 +12,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, Integers
 from spacearm.equations.integration import COLLAPSED, FAILED, FINISHED, RUNNING, state_of
 from spacearm.equations.measures import measures, nearest
-from spacearm.equations.plant import Observed, Parts, crossing, observe, torques
+from spacearm.equations.plant import Observed, Parts, crossing, observe, torques, wheel_torques
 from spacearm.errors import NoSolutionError, SpaceArmError
 from spacearm.mechanics import distance
 from spacearm.mechanics.arm_kernels import WIDE
@@ -293,7 +293,8 @@ class Sensors:
     """
 
     def __init__(self, sampling: Sampling, runs: Sequence[int], at: Parts) -> None:
-        self.noise, self.at = sampling.noise(at.q.stop), at
+        self.noise, self.gyro = np.split(sampling.noise(at.q.stop), [-3])
+        self.at = at
         self.random = [np.random.default_rng(sampling.seed + run) for run in runs]
 
     def measured(self, runs: Integers, y: Array) -> Array:
@@ -308,6 +309,12 @@ class Sensors:
             attitude = pin.Quaternion(row[self.at.attitude]) * pin.Quaternion(pin.exp3(turn))
             row[self.at.attitude] = attitude.coeffs()
         return seen
+
+    def gyro_errors(self, runs: Integers) -> Array:
+        """Return the errors (r, 3) of measured angular velocities, those of some of the runs."""
+        if not self.gyro.any():
+            return np.zeros((len(runs), 3))
+        return self.gyro * [self.random[run].normal(size=3) for run in runs]
 
 
 class Runs:
@@ -383,7 +390,9 @@ class Runs:
     def advance_sampled(self, end: float, sampling: Sampling, progress: Progress) -> None:
         """Go on with torques that are sampled, act after a delay and are then held."""
         batch, period, k, t = self.batch, sampling.period, 0, 0.0
-        batch.held = np.zeros((len(batch), batch.n))
+        hold = self.systems[0].hold
+        wheels = len(self.systems[0].arm.wheels) if hold and hold.sampled else 0
+        batch.held = np.zeros((len(batch), batch.n + wheels))
         sensors = Sensors(sampling, self.numbers, self.at)
         waiting: deque[tuple[float, Array]] = deque()
         while t < end and len(going := np.flatnonzero(np.array(self.ended) == "duration")):
@@ -395,7 +404,7 @@ class Runs:
                 going = np.flatnonzero(np.array(self.ended) == "duration")
             t = until
             if k * period <= t + SAME * period and t < end and len(going):
-                tau = np.zeros((len(batch), batch.n))
+                tau = np.zeros_like(batch.held)
                 seen = {"t": batch.t[going], "y": sensors.measured(going, batch.y[going])}
                 if self.memory.size:
                     seen["memory"] = self.memory[going]
@@ -403,7 +412,12 @@ class Runs:
                 for run in going[~np.isfinite(asked).all(axis=1)]:
                     batch.status[run] = FAILED
                     self._fail(int(run))
-                tau[going], self.memory[going] = np.split(asked, [batch.n], axis=1)
+                tau[going, : batch.n], self.memory[going] = np.split(asked, [batch.n], axis=1)
+                if hold and hold.sampled:
+                    there = {"t": batch.t[going], "y": batch.y[going], "measured": seen["y"]}
+                    there["gyro"] = sensors.gyro_errors(going)
+                    turning = batch.compute(wheel_torques, going, there)
+                    tau[going, batch.n :] = hold.quantised(turning)
                 waiting.append((k * period + sampling.delay, tau))
                 k += 1
             while waiting and waiting[0][0] <= t + SAME * period:
@@ -502,12 +516,13 @@ class Runs:
     def trajectory(self) -> Trajectory:
         """Return the trajectory so far, of one run."""
         self.finish()
-        batch, system, n, at = self.batch, self.systems[0], self.batch.n, self.at
+        batch, system, at = self.batch, self.systems[0], self.at
         t, Y = self._times(0), self.outputs[0, : self.written[0]]
         given = {"t": t, "y": Y}
         if batch.held is not None:
             times = np.array([time for time, _ in self.torques])
-            held = np.vstack((np.zeros((1, n)), *(tau[None] for _, tau in self.torques)))
+            before = np.zeros(batch.held.shape[1])
+            held = np.array([before, *(tau for _, tau in self.torques)])
             given["held"] = held[np.searchsorted(times, t, side="right")]
         seen = Observed(*batch.compute(observe, np.zeros(len(t), np.int64), given))
         base, kept = seen.base, seen.momentum
@@ -560,7 +575,7 @@ class Runs:
         t = np.stack((np.zeros(m), batch.t), axis=1)
         given = {"t": t.ravel(), "y": ends.reshape(2 * m, -1)}
         if batch.held is not None:
-            given["held"] = np.zeros((2 * m, n))  # the energy needs no torques
+            given["held"] = np.zeros((2 * m, batch.held.shape[1]))  # the energy needs no torques
         seen = Observed(*batch.compute(observe, np.repeat(every, 2), given))
         energy, works = seen.energy.reshape(m, 2), ends[:, 1, at.works].sum(axis=1)
         turnover = energy.max(axis=1) + batch.exchanged

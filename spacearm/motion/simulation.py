@@ -120,7 +120,13 @@ def simulate(
 
 
 def _check_period(systems: Sequence[System], sampling: Sampling | None) -> None:
-    """Refuse a law with a memory that has no control period."""
+    """Refuse a law with a memory, or one of wheels that is sampled, that has no control period."""
+    hold = systems[0].hold
+    if sampling is None and hold is not None and hold.sampled:
+        raise ConfigurationError(
+            "the law of the wheels is sampled and has no control period; give "
+            "sampling=sa.Sampling(period=...)"
+        )
     for system in systems if sampling is None else ():
         for law, memory in zip(system.controllers.values(), system.memories, strict=True):
             if len(memory):

@@ -83,7 +83,7 @@ class System:
         for name in self.passive:
             joint_name(arm, name)
         _ = self.memories  # raises for one that makes no sense
-        if self.plant.wheels is None:
+        if self.plant.wheels is None and not self.plant.wheel_friction:
             return
         if self.mode != "free-floating":
             raise ConfigurationError(
@@ -355,6 +355,8 @@ def prepared(system: System, wanted: Sequence[WantedEvent] = (), *, trace: bool 
         laws=tuple(law for law, _ in laws),
         wheels=tuple(_body(arm, wheel.frame) for wheel in arm.wheels),
         holds=system.hold is not None,
+        sampled=system.hold is not None and system.hold.sampled,
+        drag=system.plant.wheel_friction > 0.0,
         motors=None if motors is None else todo.over_time(
             "motors", "the torque of the wheels", motors,
             lambda tau: plants.wheel_torques(tau, len(arm.wheels)),
@@ -595,6 +597,8 @@ def _plant_numbers(system: System, setup: Setup, bounds: list[float]) -> dict[st
         "wrenches": np.array(wrenches),
         "bounds": np.array(bounds),
     }
+    if setup.drag:
+        known["drag"] = np.array(system.plant.wheel_friction)
     if setup.passive:
         still = PassiveJoint(slip=1.0)
         passive = [system.passive.get(name, system.passive.get(f"q{j + 1}", still))

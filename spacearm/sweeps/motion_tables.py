@@ -78,7 +78,7 @@ def built(kind: Callable[..., T], given: Table, **made: Callable[[Any], Any]) ->
 
 
 def read_plant(table: Table) -> Plant:
-    """Return what acts on the arm: wheels, wrenches, thrusters, passive, limits."""
+    """Return what acts on the arm: the fields of `Plant`."""
 
     def passive(value: Any) -> Any:
         if isinstance(value, str):

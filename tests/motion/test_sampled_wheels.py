@@ -1,0 +1,100 @@
+"""Wheels with a control period, noise of gyros, steps of torque and friction."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from helpers.arms import load_text, with_wheels
+
+import spacearm as sa
+
+LAW = sa.JointPD(target=[0.5, 0.8], kp=1.0, kd=2.0)
+HOLD = sa.WheelHold(stiffness=20.0, damping=40.0, sampled=True)
+PERIOD = 0.1
+
+
+def arm():
+    return load_text(with_wheels("planar2", np.eye(3)))
+
+
+def simulated(hold=HOLD, sampling=None, duration=2.0, **plant):
+    sampling = sampling or sa.Sampling(period=PERIOD)
+    plant = sa.Plant(wheels=hold, **plant)
+    start = arm().at([0.1, 0.3], wheels=[0.1, -0.2, 0.05])
+    fine = sa.Integration(rtol=1e-10, atol=1e-12, dt=PERIOD / 4, events=())
+    return sa.simulate(start, LAW, duration, plant=plant, sampling=sampling, integration=fine)
+
+
+def test_torques_are_those_of_the_law_at_the_control_instants():
+    run = simulated()
+    level = run.base[0, 3:]
+    for k in range(0, 80, 4):
+        R = run[k].base.rotation
+        phi = R.T @ pin.log3(R @ pin.Quaternion(level).matrix().T)
+        w = R.T @ sa.base_velocity(run[k], run.dq[k])[3:]
+        asked = 20.0 * phi + 40.0 * w  # the axes are those of the spacecraft
+        np.testing.assert_allclose(run.wheel_torque[k : k + 4], [asked] * 4, rtol=0, atol=1e-8)
+
+
+def test_noise_of_the_gyros_keeps_the_momentum():
+    noisy = sa.Sampling(period=PERIOD, gyro_noise=[1e-2, 0.0, 2e-2], seed=5)
+    run, again = simulated(sampling=noisy), simulated(sampling=noisy)
+    quiet, other = simulated(), simulated(sampling=replace(noisy, seed=6))
+    np.testing.assert_array_equal(run.wheels, again.wheels)
+    assert np.abs(run.wheels - other.wheels).max() > 1e-2
+    first = run.wheel_torque[0] - quiet.wheel_torque[0]
+    assert first[1] == pytest.approx(0.0, abs=1e-9)
+    assert np.abs(first[[0, 2]]).min() > 0.0
+    assert np.abs(run.momentum - run.momentum[0]).max() < 1e-9
+    assert run.imbalance < 1e-7
+
+
+def test_torques_are_multiples_of_their_step():
+    hold = replace(HOLD, torque_quantum=0.03, torque=0.1)
+    torque = simulated(hold).wheel_torque / 0.03
+    np.testing.assert_allclose(torque, np.round(torque), rtol=0, atol=1e-9)
+    assert np.abs(torque).max() == pytest.approx(3.0)
+    assert len(np.unique(np.round(torque))) > 3
+
+
+@pytest.mark.parametrize("mode", ["free", "over time"])
+def test_friction_slows_a_wheel_exponentially(mode):
+    c, h = 0.7, np.array([0.1, -0.2, 0.05])
+    hold = None if mode == "free" else (lambda _: [0.3, 0.0, 0.1])
+    given = np.array(hold(0.0)) if hold else np.zeros(3)
+    run = simulated(hold, wheel_friction=c)
+    decay = np.exp(-c * run.t)[:, None]
+    np.testing.assert_allclose(run.wheels, h * decay + given / c * (1 - decay), atol=1e-9)
+    np.testing.assert_allclose(run.wheel_torque, given - c * run.wheels, atol=1e-12)
+    assert np.abs(run.momentum - run.momentum[0]).max() < 1e-9
+    assert run.imbalance < 1e-7
+
+
+@pytest.mark.slow
+def test_many_runs_are_those_of_simulate():
+    hold = replace(HOLD, torque_quantum=0.01)
+    plant = sa.Plant(wheels=hold, wheel_friction=0.1)
+    noisy = sa.Sampling(period=PERIOD, delay=0.03, gyro_noise=1e-2, attitude_noise=1e-3, seed=2)
+    starts = [arm().at([0.1 * i, 0.3]) for i in range(3)]
+    how = sa.Integration(rtol=1e-6, atol=1e-8)
+    many = sa.simulate_many(starts, LAW, 1.0, plant=plant, sampling=noisy, threads=1)
+    own = replace(noisy, seed=4)
+    one = sa.simulate(starts[2], LAW, 1.0, plant=plant, sampling=own, integration=how)
+    np.testing.assert_allclose(many.base.values[2], one.base[-1], rtol=0, atol=1e-12)
+
+
+def test_what_makes_no_sense_is_refused():
+    with pytest.raises(sa.ConfigurationError, match="torque_quantum"):
+        sa.WheelHold(stiffness=1, damping=1, torque_quantum=0.1)
+    with pytest.raises(sa.ConfigurationError, match="wheel_friction is -1"):
+        sa.Plant(wheel_friction=-1)
+    start, plant = arm().at([0.1, 0.3]), sa.Plant(wheels=HOLD)
+    with pytest.raises(sa.ConfigurationError, match="control period"):
+        sa.simulate(start, LAW, 1.0, plant=plant)
+    sampling = sa.Sampling(period=0.1, gyro_noise=[1, 2])
+    with pytest.raises(sa.ConfigurationError, match="gyro_noise"):
+        sa.simulate(start, LAW, 1.0, plant=plant, sampling=sampling)
+    bare = sa.load("planar2").at([0.1, 0.3])
+    with pytest.raises(sa.UnsupportedError, match="no wheels"):
+        sa.simulate(bare, LAW, 1.0, plant=sa.Plant(wheel_friction=0.1))
