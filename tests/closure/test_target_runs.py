@@ -258,6 +258,17 @@ def test_motors_give_no_more_than_they_can_and_joints_are_damped():
         held.simulate(wanted, 0.1, plant=sa.Plant(wrenches={"bus": np.ones(6)}))
 
 
+def test_what_needs_a_control_period_is_refused():
+    held, _ = roomy(2)
+    integral = sa.JointPD(np.zeros(held.arm.n), kp=1.0, kd=1.0, ki=1.0)
+    sampled = sa.WheelHold(stiffness=1.0, damping=1.0, sampled=True)
+    with pytest.raises(sa.UnsupportedError, match="JointPD has a memory"):
+        held.simulate(integral, 0.1)
+    for plant in (sa.Plant(wheels=sampled), sa.Plant(wheel_friction=0.1)):
+        with pytest.raises(sa.UnsupportedError, match="leave sampled and wheel_friction out"):
+            held.simulate(law(held), 0.1, plant=plant)
+
+
 @pytest.mark.slow
 def test_wheels_hold_the_attitude_while_arms_hold_a_target():
     """The wheels take up what the arms and the target would give the spacecraft."""
