@@ -355,7 +355,9 @@ class Motion(Result):
         for name, quantity in layout.quantities.items():
             dims = ("t", quantity.columns) if quantity.columns else ("t",)
             if (values := getattr(self, name)).size:  # netCDF has no empty dimensions: no wheels
-                data[name] = (dims, values, {"units": quantity.unit_for(self.arm.slides)})
+                unit = quantity.unit_for(self.arm.slides)
+                unit = self.arm.sigma_unit if name == "sigma_min" else unit
+                data[name] = (dims, values, {"units": unit})
         times = data.pop("t")
         words = [name for name, kind in layout.details.items() if kind is str]
         attrs = {"arm": self.arm.name, "base_mode": self.mode}

@@ -26,6 +26,7 @@ from spacearm.model.joints import joint_vector
 from spacearm.motion.controllers import Controller, Laws, Tracking, check_target
 from spacearm.motion.goal import Origin, started
 from spacearm.motion.motion import Trajectory
+from spacearm.motion.motion_file import Quantity
 from spacearm.motion.plant import Integration, Plant, Sampling
 from spacearm.motion.run import Progress, Runs
 from spacearm.motion.system import Prepared, System, prepared, wanted_events
@@ -331,9 +332,8 @@ def simulate_many(
 
 def _units_of_joints(arm: SpaceArm) -> dict[str, str]:
     """Return the units that depend on how joints move; one for each joint where they differ."""
-    own = arm.joint_units
-    position = ", ".join(own if len(set(own)) > 1 else own[:1])
-    rate = ", ".join(f"{unit}/s" for unit in position.split(", "))
+    position = Quantity("rad or m", "joint").unit_for(arm.slides)
+    rate = Quantity("rad/s or m/s", "joint").unit_for(arm.slides)
     return {
         "q": position,
         "q0": position,
