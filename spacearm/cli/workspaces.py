@@ -15,8 +15,10 @@ from spacearm.cli import options as opt
 from spacearm.cli.output import Answer, err, kept, say_stopped, working
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.results import Column, Described, Description, Table
+from spacearm.singularities.risk import SEARCHED
 from spacearm.workspaces.design import GOES_WITH, unit_of, workspaces
 from spacearm.workspaces.path_dependent import EFFORT
+from spacearm.workspaces.sampled import STARTS
 
 #: Values of a range whose number is not given.
 COUNT = 9
@@ -25,7 +27,8 @@ Effort = Annotated[
     int | None,
     typer.Option(
         help=f"Number of singular configurations that the search starts from, {EFFORT:,} by "
-        "default; only for arms of more than 3 joints.",
+        f"default; only for arms of more than 3 joints. Of uniform configurations, {STARTS:,} by "
+        "default, for arms whose workspace is sampled.",
         min=1,
         show_default=False,
     ),
@@ -57,11 +60,10 @@ def compute_workspace(
 ) -> Answer:
     """Compute the workspaces."""
     points = None if path is None else _points(path)
-    tries = EFFORT if effort is None else effort
     result, code = kept(
         "computing the workspace",
         lambda progress: sa.workspace(
-            arm, mode=mode, limits=limits, effort=tries, seed=seed, progress=progress
+            arm, mode=mode, limits=limits, effort=effort, seed=seed, progress=progress
         ),
     )
     if effort is not None and result.effort == 0:
@@ -166,17 +168,29 @@ class Designs(Described):
                 values = (values[i] for values, i in zip(self.grid.values(), at, strict=True))
                 shells = "  ".join(f"{low:.4f}..{high:.4f}" for low, high in pdw) or "none"
                 told = (f"{found[name].values[at]:.2%}" for name, _ in shares)
-                rows.append((*values, *told, shells))
+                bounds = str(found["bounds"].values[at])
+                if bounds == "sampled":
+                    bounds += f", resolution {found['resolution'].values[at]:.2g} m"
+                rows.append((*values, *told, shells, bounds))
         heads = [Column(name, unit_of(name).split()[0], ".6g") for name in self.grid]
+        names = [head for _, head in shares]
+        notes = [
+            f"{name}: {GOES_WITH[name.partition(':')[0]]}"
+            for name in self.grid
+            if name.partition(":")[0] in GOES_WITH
+        ]
+        if near:
+            notes.append(f"within 5° of a singular posture: {SEARCHED}")
+        if (found["bounds"].values == "sampled").any():
+            notes.append(
+                "sampled distances are not certified: what the search misses makes the path "
+                "dependent ones too few and the path independent share too large"
+            )
         return Description(
             title=f"{found.attrs['arm']}, {found.attrs['base_mode']}",
             verdict=f"{len(rows)} of {found['done'].size} designs",
-            notes=[
-                f"{name}: {GOES_WITH[name.partition(':')[0]]}"
-                for name in self.grid
-                if name.partition(":")[0] in GOES_WITH
-            ],
-            tables=(Table((*heads, *(head for _, head in shares), "path dependent [m]"), rows),),
+            notes=notes,
+            tables=[Table((*heads, *names, "path dependent [m]", "distances are"), rows)],
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -192,6 +206,9 @@ class Designs(Described):
                 told[sizes] = {n: float(found[n].values[at]) for n in ("reachable", "piw")}
                 for name in {"fraction", "near_share", "near_error"} & set(found):
                     told[name] = float(found[name].values[at])
+                told["bounds"] = str(found["bounds"].values[at])
+                for name in ("gap", "resolution"):
+                    told[name] = plain(float(found[name].values[at]))
                 pdw = found["pdw"].values[at]
                 told["pdw"] = pdw[np.isfinite(pdw).all(axis=1)].tolist()
             designs.append(told)

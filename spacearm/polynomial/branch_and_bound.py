@@ -1,15 +1,16 @@
-"""Proof by halving boxes: the range of a polynomial on the roots of another.
+"""Proof by halving boxes: the range of a polynomial on the common roots of others.
 
-On S = 0 the functions F and G = F + lambda S are the same, whatever lambda. Take a box with centre
-c and half widths h, and lambda so that the gradient of G at c is small. There G differs from G(c)
-by less than |grad G(c)| h + h B h / 2, where B bounds the second derivatives of G everywhere.
-Boxes that hold no root, or whose range lies inside intervals that are attained already, are done;
-others are halved. Near an extreme the gradient of G vanishes, so that boxes of width
-sqrt(tolerance) suffice.
+On S_1 = ... = S_c = 0 the functions F and G = F + sum lambda_i S_i are the same, whatever the
+lambda_i. Take a box with centre c and half widths h, and lambda_i so that the gradient of G at c is
+small. There G differs from G(c) by less than |grad G(c)| h + h B h / 2, where B bounds the second
+derivatives of G everywhere. Boxes that hold no common root, or whose range lies inside intervals
+that are attained already, are done; others are halved. Near an extreme the gradient of G vanishes,
+so that boxes of width sqrt(tolerance) suffice.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -23,7 +24,7 @@ MOST_BOXES = 400_000
 
 
 class Proof(NamedTuple):
-    """Proof that F on the roots of S stays inside intervals.
+    """Proof that F on common roots of equations stays inside intervals.
 
     Attributes:
         gap: By how much F may still lie outside, proven.
@@ -36,36 +37,38 @@ class Proof(NamedTuple):
 
 def enclose(
     F: TrigPolynomial,
-    S: TrigPolynomial | None,
+    equations: Sequence[TrigPolynomial],
     intervals: Array,
     low: Array,
     high: Array,
     tolerance: float,
 ) -> Proof:
-    """Prove that F stays within `intervals`, up to `tolerance`, on the roots of S in a box.
+    """Prove that F stays within `intervals`, up to `tolerance`, on common roots in a box.
 
     Args:
         F: The function.
-        S: Its roots count; everything does if None.
+        equations: Their common roots count; the whole box if there are none.
         intervals: (k, 2) sorted, disjoint.
         low: (n,) corner of the box.
         high: (n,) opposite corner.
         tolerance: In the unit of F.
     """
-    matters = [j for j in range(F.n) if F.degrees[j] or (S is not None and S.degrees[j])] or [0]
+    degrees = np.array([f.degrees for f in (F, *equations)])
+    matters = [int(j) for j in np.flatnonzero(degrees.any(axis=0))] or [0]
     others = {j: 0.0 for j in range(F.n) if j not in matters}
     if others:
-        F, S = F.fix(others), None if S is None else S.fix(others)
+        F = F.fix(others)
+        equations = [S.fix(others) for S in equations]
     corners = np.array(list(product((-0.5, 0.5), repeat=len(matters))))
     centres = (0.5 * (low + high))[None, matters]
     half = 0.5 * (high - low)[matters]
     gap = np.inf
     while len(centres):
-        if S is not None:
+        for S in equations:
             centres = centres[S.sign(centres, np.broadcast_to(half, centres.shape)) == 0]
             if not len(centres):
                 return Proof(min(gap, tolerance), None)
-        least, most = _range(F, S, centres, half)
+        least, most = _range(F, equations, centres, half)
         overhang = _overhang(least, most, intervals)
         gap = min(gap, float(overhang.max()))
         waiting = overhang > tolerance
@@ -81,21 +84,38 @@ def enclose(
 
 
 def _range(
-    F: TrigPolynomial, S: TrigPolynomial | None, centres: Array, half: Array
+    F: TrigPolynomial, equations: Sequence[TrigPolynomial], centres: Array, half: Array
 ) -> tuple[Array, Array]:
-    """Bound F on the roots in each box: least and largest value, (m,) each."""
-    if S is None:
+    """Bound F on the common roots in each box: least and largest value, (m,) each."""
+    if not equations:
         value, reach = F.enclosure(centres, np.broadcast_to(half, centres.shape))
         return value - reach, value + reach
-    gradient, g = F.gradient(centres), S.gradient(centres)
-    multiplier = -(gradient * g).sum(axis=1) / np.maximum((g * g).sum(axis=1), 1e-300)
-    of_F, of_S = (0.5 * half @ f.curvature @ half for f in (F, S))
-    with_S = np.abs(gradient + multiplier[:, None] * g) @ half + np.abs(multiplier) * of_S
-    multiplier = np.where(with_S < np.abs(gradient) @ half, multiplier, 0.0)
-    value = F(centres) + multiplier * S(centres)
-    reach = np.abs(gradient + multiplier[:, None] * g) @ half + of_F + F.noise()
-    reach = reach + np.abs(multiplier) * (of_S + S.noise())
+    gradient = F.gradient(centres)
+    slopes = np.stack([S.gradient(centres) for S in equations], axis=1)
+    of_F = 0.5 * half @ F.curvature @ half
+    of_S = np.array([0.5 * half @ S.curvature @ half for S in equations])
+    multipliers = -_least_squares(slopes, gradient)
+    rest = gradient + (multipliers[:, None] @ slopes)[:, 0]
+    with_S = np.abs(rest) @ half + np.abs(multipliers) @ of_S
+    better = with_S < np.abs(gradient) @ half
+    multipliers = np.where(better[:, None], multipliers, 0.0)
+    rest = np.where(better[:, None], rest, gradient)
+    values = np.stack([S(centres) for S in equations], axis=1)
+    noise = np.array([S.noise() for S in equations])
+    value = F(centres) + (multipliers * values).sum(axis=1)
+    reach = np.abs(rest) @ half + of_F + F.noise()
+    reach = reach + np.abs(multipliers) @ (of_S + noise)
     return value - reach, value + reach
+
+
+def _least_squares(slopes: Array, gradient: Array) -> Array:
+    """Return the factors (m, c) of slopes (m, c, n) that come nearest to gradients (m, n)."""
+    if slopes.shape[1] == 1:
+        g = slopes[:, 0]
+        product_with = (gradient * g).sum(axis=1)
+        return np.asarray((product_with / np.maximum((g * g).sum(axis=1), 1e-300))[:, None])
+    inverse = np.linalg.pinv(slopes.swapaxes(1, 2), rcond=1e-9)
+    return np.asarray((inverse @ gradient[:, :, None])[..., 0])
 
 
 def _overhang(least: Array, most: Array, intervals: Array) -> Array:

@@ -486,14 +486,19 @@ def uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Ar
     check_slides(arm)
     need = 8.0 * m * (arm.n + MEASURED)
     check_memory(need, f"{m:,} samples of {arm.n} joints", "use fewer samples")
-    span = arm.upper - arm.lower
-    turns = (span >= 2.0 * np.pi) & (arm.coupling is None or np.isinf(span))
-    kept = arm.slides | (limits & ~turns)
-    low, high = np.where(kept, arm.lower, -np.pi), np.where(kept, arm.upper, np.pi)
+    low, high = ranges_of(arm, limits)
     Q = np.empty((m, arm.n))
     for begin in range(0, m, BLOCK):  # so that Ctrl-C need not wait
         Q[begin : begin + BLOCK] = rng.uniform(low, high, (min(m - begin, BLOCK), arm.n))
     return Q
+
+
+def ranges_of(arm: SpaceArm, limits: bool) -> tuple[Array, Array]:
+    """Return the least and largest joint positions (n,) of uniform configurations."""
+    span = arm.upper - arm.lower
+    turns = (span >= 2.0 * np.pi) & (arm.coupling is None or np.isinf(span))
+    kept = arm.slides | (limits & ~turns)
+    return np.where(kept, arm.lower, -np.pi), np.where(kept, arm.upper, np.pi)
 
 
 def nearness(risk: RiskProfile | PoseRisk) -> str:

@@ -26,13 +26,11 @@ from spacearm.singularities.risk import check_slides, risk_profile
 from spacearm.sweeps import motion_tables as tables
 from spacearm.sweeps.toml import MOST, Table
 from spacearm.workspaces.design import shell_measures
-from spacearm.workspaces.path_dependent import EFFORT
-from spacearm.workspaces.shells import check_shells
 
 #: Configurations in memory at a time, however large the chunk.
 PART = 2**16
 #: Shells that there is room for in each design.
-MOST_SHELLS = 16
+MOST_SHELLS = 64
 #: Runs of a chunk at most: some seconds of work.
 RUNS = 256
 
@@ -158,11 +156,13 @@ class Shells(Quantity):
     def read(self, table: Table, arms: Sequence[SpaceArm]) -> None:
         """Read the table."""
         for arm in arms:
-            check_shells(arm)
+            arm.require_one_tip()
+            check_slides(arm)
         table.knows("mode", "limits", "effort")
         self.mode = table.choice("mode", tables.MODES, "free-floating")
         self.limits = table.take("limits", bool, False)
-        self.effort = table.positive("effort", int, EFFORT)
+        given = "effort" in table.values
+        self.effort = table.positive("effort", int) if given else None
         planar = (arm.tree.plane_normal() is not None for arm in arms)
         volume = {"units": _each("m^2" if flat else "m^3" for flat in planar)}
         shell = ("shell", "bound"), (MOST_SHELLS, 2)
@@ -171,6 +171,9 @@ class Shells(Quantity):
             "reachable": Variable({**volume, "about": "reachable workspace"}),
             "fraction": Variable({"units": "1", "about": "path independent share"}),
             "pdw": Variable({"units": "m", "about": "path dependent shells"}, *shell),
+            "gap": Variable({"units": "m", "about": "by how much the shells may be off"}),
+            "sampled": Variable({"units": "1", "about": "whether nothing is certified"}),
+            "resolution": Variable({"units": "m", "about": "of sampled shells"}),
         }
         self.coords = {"bound": (np.array(["least", "largest"], dtype=object), {})}
 
@@ -185,7 +188,7 @@ class Shells(Quantity):
                 f"{arm.name} has {len(found['pdw'])} shells; a store has room for {MOST_SHELLS}"
             )
         pdw[: len(found["pdw"])] = found["pdw"]
-        return {**found, "pdw": pdw}
+        return {**found, "pdw": pdw, "sampled": float(found.pop("bounds") == "sampled")}
 
 
 class Risk(Quantity):

@@ -151,8 +151,8 @@ class Study:
         Raises:
             ConfigurationError: A value in it is not valid.
             ModelError: An arm or a design is unsound.
-            UnsupportedError: An arm has no shells, or a joint that slides without limits where
-                risk is asked for; or Python is older than 3.11.
+            UnsupportedError: An arm has several tips or a joint that slides without limits where
+                shells or risk are asked for; or Python is older than 3.11.
         """
         table = parse(text)
         table.knows("arms", "seed", "chunk", "parameters", *quantities.QUANTITIES)

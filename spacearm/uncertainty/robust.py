@@ -28,7 +28,7 @@ from spacearm.singularities.regularity import Finding, look
 from spacearm.singularities.sets import nearest_on_way
 from spacearm.uncertainty.intervals import UncertainArm
 from spacearm.workspaces.path_dependent import workspace
-from spacearm.workspaces.shells import merged, without
+from spacearm.workspaces.shells import exact_set, merged, without
 
 #: Default number of random arms.
 SAMPLES = 200
@@ -428,7 +428,8 @@ def shell_bands(
         The bands, and what is path dependent for all arms tried and for some.
 
     Raises:
-        UnsupportedError: The arm has no shells; see `workspace`.
+        UnsupportedError: No polynomials give the singular set of the arm, so that its shells are
+            sampled; see `workspace`.
 
     Example:
         >>> import spacearm as sa
@@ -436,6 +437,11 @@ def shell_bands(
         >>> len(sa.shell_bands(about, samples=1).low)
         2
     """
+    if exact_set(uncertain.arm, "free-floating") is None:
+        raise UnsupportedError(
+            f"{uncertain.arm.name}: no polynomials give the singular set of this arm, so that its "
+            "shells are sampled, too coarse for bands; compare sa.workspace of single arms"
+        )
     shares = uncertain.tried(samples, seed, MOST_CORNERS_OF_SHELLS)
     arms = [uncertain.arm, *map(uncertain.realise, shares)]
     found = [workspace(arm).pdw for arm in counted(arms, progress)]

@@ -135,10 +135,12 @@ def shell_measures(arm: SpaceArm, **options: Any) -> dict[str, Any]:
 
     Returns:
         `piw` and `reachable` (volumes [m^3], areas [m^2] for planar arms), `fraction` (path
-        independent share) and `pdw` (k, 2) (radii [m]).
+        independent share), `pdw` (k, 2) (radii [m]), `bounds` (how the radii are known:
+        "certified", "found" or "sampled"), `gap` (by how much they may be off [m]) and
+        `resolution` (of sampled ones [m]); see `Workspace`.
 
     Raises:
-        UnsupportedError: The arm has no shells; see `workspace`.
+        UnsupportedError: As of `workspace`.
 
     Example:
         >>> import spacearm as sa
@@ -147,7 +149,14 @@ def shell_measures(arm: SpaceArm, **options: Any) -> dict[str, Any]:
     """
     found = workspace(arm, **options)
     sizes = {name: found.volumes[name] for name in ("piw", "reachable")}
-    return {**sizes, "fraction": found.fraction, "pdw": found.pdw}
+    return {
+        **sizes,
+        "fraction": found.fraction,
+        "pdw": found.pdw,
+        "bounds": found.kind,
+        "gap": found.gap,
+        "resolution": found.resolution,
+    }
 
 
 @checked
@@ -177,14 +186,16 @@ def workspaces(
     Returns:
         Labelled arrays over the parameters: `piw` and `reachable` (volumes [m^3], areas [m^2] for
         planar arms), `fraction` (path independent share), `pdw` (shell, bound: radii [m], NaN
-        where there are fewer shells), `done`. With `risk_bins` also `risk` (class) and
-        `near_share` (share of all postures within 5 degrees of a singular one, found by search)
-        with its standard error, `near_error`. After Ctrl-C the designs done so far are returned;
-        `done` marks them.
+        where there are fewer shells), `bounds` (how the radii are known: "certified", "found" or
+        "sampled"; empty where not done), `gap` and `resolution` (see `Workspace` [m]), `done`.
+        With `risk_bins` also `risk` (class) and `near_share` (share of all postures within 5
+        degrees of a singular one, found by search) with its standard error, `near_error`.
+        After Ctrl-C the designs done so far are returned; `done` marks them.
 
     Raises:
         ConfigurationError: A parameter does not exist or has no values.
-        UnsupportedError: The arm has no shells (see `workspace`).
+        UnsupportedError: The arm has several tips or a prismatic joint without limits, or can never
+            do its task.
 
     Example:
         >>> import spacearm as sa
@@ -205,7 +216,9 @@ def workspaces(
         )
     shape = tuple(len(values) for values in axes.values())
     whole(math.prod(shape) * max(risk_bins, 1), "number of designs, times risk_bins", 1, MOST)
-    numbers = {name: np.full(shape, np.nan) for name in ("piw", "reachable", "fraction")}
+    units = {"piw": "", "reachable": "", "fraction": "1", "gap": "m", "resolution": "m"}
+    numbers = {name: np.full(shape, np.nan) for name in units}
+    bounds = np.full(shape, "", dtype="U9")
     done = np.zeros(shape, dtype=bool)
     risk, near = np.full((*shape, risk_bins), np.nan), np.full((*shape, 2), np.nan)
     radii: dict[tuple[int, ...], np.ndarray] = {}
@@ -218,6 +231,7 @@ def workspaces(
             varied = vary(arm, values)
             found = shell_measures(varied, mode=mode, limits=limits, **options)
             radii[at] = found.pop("pdw")
+            bounds[at] = found.pop("bounds")
             for name, value in found.items():
                 numbers[name][at] = value
             if risk_bins:
@@ -232,9 +246,10 @@ def workspaces(
     for at, r in radii.items():
         pdw[at][: len(r)] = r
     names, volume = tuple(axes), "m^2" if arm.tree.plane_normal() is not None else "m^3"
-    units = {"piw": volume, "reachable": volume, "fraction": "1"}
+    units.update(piw=volume, reachable=volume)
     data: dict[str, Any] = {n: (names, x, {"units": units[n]}) for n, x in numbers.items()}
     data["done"] = names, done, {"units": "1"}
+    data["bounds"] = names, bounds, {"units": "1"}
     data["pdw"] = (*names, "shell", "bound"), pdw, {"units": "m"}
     if risk_bins:
         data["risk"] = (*names, "class"), risk, {"units": "1"}

@@ -18,6 +18,7 @@ points at a distance s it is below the chord + rho s^2 / 8.
 from __future__ import annotations
 
 from functools import lru_cache, partial
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, Integers
 from spacearm.compiler.machine import processors
+from spacearm.equations.kinematics import Parameters, Structure
 from spacearm.equations.reach import attitudes_at_zero, bound, constant_vectors
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.model.arguments import BaseMode
@@ -71,23 +73,60 @@ PARALLEL = 1e-14
 SAME = 1e-13
 
 
-def largest_distance(arm: SpaceArm, mode: BaseMode) -> float:
+def largest_distance(
+    arm: SpaceArm, mode: BaseMode, positions: tuple[Array, Array] | None = None
+) -> float:
     """Bound the distance of the tip from the system CM over the whole torus, from above [m].
 
-    For a fixed spacecraft from its own CM. The arm has revolute joints, none of which mimics
-    another.
+    For a fixed spacecraft from its own CM. At given angles the tip from the CM is affine in the
+    positions of sliding joints, so that its largest distance is attained where each of them is at
+    an end of its range. Joints that mimic others count as if they did not, which can only raise the
+    bound.
+
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+        positions: Least and largest positions (n,) of the joints, of which those of sliding joints
+            matter; None for arms without any.
     """
     tree, p = structure_of(arm, mode), parameters_of(arm)
-    axes = attitudes_at_zero(tree, p)[:, :, 2]
+    sliding = [k for k in range(1, len(tree.parents)) if tree.slides[k]]
+    if positions is None or not sliding:
+        return _largest_at(tree, p)
+    low, high = positions
+    gains = tree.gains[[k - 1 for k in sliding]]
+    middle = tree.offsets[[k - 1 for k in sliding]] + gains @ (0.5 * (low + high))
+    half = np.abs(gains) @ (0.5 * (high - low))
+    largest = 0.0
+    for signs in product((-1.0, 1.0), repeat=len(sliding)):
+        moved = p.joint_positions.copy()
+        for k, position in zip(sliding, middle + np.array(signs) * half, strict=True):
+            axis = p.joint_rotations[k - 1] @ tree.turns[k][:, 2]
+            moved[k - 1] = moved[k - 1] + position * axis
+        largest = max(largest, _largest_at(tree, p._replace(joint_positions=moved)))
+    return largest
+
+
+def _largest_at(tree: Structure, p: Parameters) -> float:
+    """Bound the distance from above with sliding joints where the parameters have them [m]."""
+    E = attitudes_at_zero(tree, p)
     own, count = constant_vectors(tree, p), len(tree.parents)
+    root, fixed_to = list(range(count)), [np.eye(3)] * count
+    for k in range(1, count):
+        if tree.slides[k]:  # it does not turn: a part of the body before
+            parent = tree.parents[k]
+            root[k], fixed_to[k] = root[parent], fixed_to[parent] @ E[k]
+            own[root[k]] += fixed_to[k] @ own[k]
+    turning = [k for k in range(count) if root[k] == k]
+    axes = {c: fixed_to[tree.parents[c]] @ E[c][:, 2] for c in turning[1:]}
     length = np.linalg.norm(own, axis=1)
     tables: dict[int, Array] = {}
-    for k in range(count - 1, -1, -1):
-        beyond = [c for c in range(k + 1, count) if tree.parents[c] == k]
+    for k in reversed(turning):
+        beyond = [c for c in turning[1:] if root[tree.parents[c]] == k]
         for c in beyond:
             length[k] += length[c]
         reaches = [_Reach(axes[c], tables.pop(c), length[c]) for c in beyond]
-        skew = [c for c in beyond if np.hypot(*axes[c, :2]) > PARALLEL]  # others do not vary
+        skew = [c for c in beyond if np.hypot(*axes[c][:2]) > PARALLEL]  # others do not vary
         off_axis = float(np.hypot(*own[k, :2])) + sum(float(length[c]) for c in skew)
         tables[k] = _largest_around(own[k], reaches, off_axis, SAME * length[k])
     step = np.pi / ANGLES

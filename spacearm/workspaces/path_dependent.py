@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, ArrayLike, finite, generator, plain, shape_of, whole
-from spacearm.errors import ConfigurationError, StoppedError
+from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import tips_from_centre
 from spacearm.model.arguments import FLOATING, BaseMode, require_possible
 from spacearm.model.arm import Configuration, SpaceArm
@@ -27,15 +27,15 @@ from spacearm.results import Cell, Column, Description, Measure, Result, Table, 
 from spacearm.signatures import checked
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomials import radius_squared
-from spacearm.singularities.risk import RiskProfile, risk_profile
+from spacearm.singularities.risk import RiskProfile, check_slides, risk_profile
 from spacearm.workspaces.extent import Box, largest_distance_within
 from spacearm.workspaces.free import free_workspace
 from spacearm.workspaces.proven import Proven, left_out, prove_shells
+from spacearm.workspaces.sampled import STARTS, SingularSampler, singular_near
 from spacearm.workspaces.shells import (
     TOLERANCE,
     Shell,
     ShellSearch,
-    check_shells,
     exact_set,
     members,
     merged,
@@ -181,7 +181,9 @@ EFFORT = 200_000
 SEARCHES = 0.2
 #: Share of the largest distance up to which a gap counts as certified.
 SMALL = 1e-4
-Kind = Literal["certified", "found", "stopped"]
+#: Singular configurations to search from where branch and bound adds what they miss.
+FEW = 2000
+Kind = Literal["certified", "found", "sampled", "stopped"]
 
 
 class Workspace(Result):
@@ -197,8 +199,11 @@ class Workspace(Result):
     more than three joints whose shells leave out reachable distances, often because of joint
     limits.
 
-    Redundant arms have shells for the full pose, or "x y rz" in the plane. `workspace` raises
-    `UnsupportedError` for others, and for sliding and mimic joints; `sa.risk_profile` takes all.
+    "sampled": distances of `effort` singular configurations that a search found; those of
+    neighbours in one range differ by at most `resolution`. This holds for arms whose singular set
+    no polynomials give: most redundant arms with other tasks than the full pose, sliding and mimic
+    joints. Nothing is certified. A search that misses singular configurations makes `pdw` too small
+    and `piw` too large.
 
     Attributes:
         arm: The arm.
@@ -209,13 +214,18 @@ class Workspace(Result):
         piw: (k, 2) path independent workspace: the rest of the reachable distances [m].
         shells: A shell for each piece of the singular set that was found.
         reachable_at: (2, n) configurations of the least and the largest distance.
-        kind: "certified", "found" or, after Ctrl-C, "stopped": these distances are attained, others
-            are missing.
+        kind: "certified", "found", "sampled" or, after Ctrl-C, "stopped": these distances are
+            attained, others are missing.
         gap: Largest distance by which R may lie outside of `reachable` or `pdw`, and largest range
-            of R within `pdw` at which nothing may be singular [m]: proven. NaN if stopped.
+            of R within `pdw` at which nothing may be singular [m]: proven, but for "sampled" with
+            configurations as singular that are so up to rounding. inf with more than six
+            sliding joints. NaN if stopped.
         effort: Number of singular configurations that were sampled; 0 by branch and bound.
         covered: (k, 2) distances at all of which some posture is proven to be singular [m].
         proof: Curves in the singular set, points (m, n) along each, that prove them.
+        resolution: If "sampled", the largest difference of neighbouring distances in one range of
+            `pdw` [m]; else 0.
+        configurations: (m, n) if "sampled", some of the singular configurations, by distance.
     """
 
     arm: SpaceArm
@@ -231,6 +241,8 @@ class Workspace(Result):
     effort: int
     covered: Array
     proof: tuple[Array, ...]
+    resolution: float
+    configurations: Array
 
     JSON: ClassVar[Mapping[str, str]] = {"kind": "bounds"}
 
@@ -265,7 +277,15 @@ class Workspace(Result):
         As defined by Vafa and Dubowsky, from a numerical search for tip positions. Its bounds are
         exact if the arm has as many joints as the position has components and no joint limits
         count, else accurate to 1e-4 of the largest radius.
+
+        Raises:
+            UnsupportedError: The arm has sliding or mimic joints.
         """
+        if self.arm.slides.any() or self.arm.coupling is not None:
+            raise UnsupportedError(
+                f"{self.arm.name}: the attitude-independent workspace is computed for independent "
+                "revolute joints only; lock the sliding joints, and those that others mimic"
+            )
         return free_workspace(self.arm, self.mode, self.limits, self.reachable[0])
 
     def regions(self, point: ArrayLike, *, start: Configuration | None = None) -> Region:
@@ -288,7 +308,11 @@ class Workspace(Result):
         if not _within(R, self.pdw):
             return Region("path independent", R, (), p)
         box = Box.of(self.arm.lower, self.arm.upper, self.limits)
-        found = singular_at(p, exact_set(self.arm, self.mode), box, self.shells)
+        exact = exact_set(self.arm, self.mode)
+        if exact is not None:
+            return Region("path dependent", R, singular_at(p, exact, box, self.shells), p)
+        q = singular_near(self.arm, self.mode, self.limits, R, self.configurations)
+        found = () if q is None else (_brought_to(self.arm, q, p, self.mode),)
         return Region("path dependent", R, found, p)
 
     def profile(self, **options: Any) -> RiskProfile:
@@ -302,10 +326,12 @@ class Workspace(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return fields, `fraction` and `volumes` as plain JSON data, those of a plane as `areas`.
 
-        Left out are `free`, which takes as long to compute as the rest, and `proof`, which is long.
+        Left out are `free`, which takes as long to compute as the rest, and `proof` and
+        `configurations`, which are long.
         """
         sizes = "areas" if self.planar else "volumes"
-        own = {name: value for name, value in super().to_dict().items() if name != "proof"}
+        long = ("proof", "configurations")
+        own = {name: value for name, value in super().to_dict().items() if name not in long}
         return own | plain({sizes: self.volumes, "fraction": self.fraction})
 
     @property
@@ -321,7 +347,11 @@ class Workspace(Result):
         how: str = self.kind
         if self.effort:
             how += f" from {self.effort:,} singular configurations"
-        if self.kind != "stopped":
+        if self.kind == "sampled":
+            how += f", resolution {self.resolution:.3g} m; not certified"
+            if np.isfinite(self.gap):
+                how += f"; distances may be off by up to {self.gap:.3g} m"
+        elif self.kind != "stopped":
             how += f", proven to {self.gap:.3g} m"
         ranges = {"reachable": self.reachable, "path dependent": self.pdw,
                   "path independent": self.piw}  # fmt: skip
@@ -357,7 +387,7 @@ def workspace(
     *,
     mode: BaseMode = "free-floating",
     limits: bool = False,
-    effort: int = EFFORT,
+    effort: int | None = None,
     seed: int = 0,
     progress: Callable[[float, float], object] | None = None,
 ) -> Workspace:
@@ -366,14 +396,17 @@ def workspace(
     Section V of Papadopoulos & Dubowsky (1993), DOI 10.1115/1.2897406.
 
     Args:
-        arm: An arm of revolute joints, as many as its task has rows; for the full pose, and
-            "x y rz" in the plane, there may be more.
+        arm: Any arm with one tip. The bounds are certified, as a rule, for revolute joints, as many
+            as the task has rows, for redundant arms with the full pose or "x y rz" in the plane,
+            and for three joints with "x y"; of other arms they are sampled.
         mode: What the spacecraft does. "fixed" leaves only the kinematic singularities, and
             distances count from the spacecraft's own CM. "attitude-controlled" leaves only these
             too if the CM of each link is on the line between its joints (section VI).
         limits: Whether only configurations within the joint limits count; if not, every joint
             turns freely, as in the paper.
-        effort: Singular configurations to search from, for arms of more than three joints.
+        effort: Singular configurations to search from, for arms of more than three joints; 200,000
+            by default. If the bounds are sampled, uniform configurations from which singular ones
+            are searched; 40,000 by default.
         seed: Seed of that search.
         progress: Called now and then as progress(done, 1).
 
@@ -382,8 +415,8 @@ def workspace(
 
     Raises:
         ConfigurationError: An argument is not valid.
-        UnsupportedError: The arm is redundant for another task, has prismatic or mimic joints, or
-            can never do its task.
+        UnsupportedError: The arm has several tips or a prismatic joint without limits, or can never
+            do its task.
         StoppedError: Ctrl-C; carries the workspace as far as it is known.
 
     Example:
@@ -392,14 +425,19 @@ def workspace(
         array([[0.3511, 0.5537],
                [1.4362, 2.2872]])
     """
-    effort = whole(effort, "effort", 1)
+    if effort is not None:
+        effort = whole(effort, "effort", 1)
     require_possible(arm, FLOATING)
-    check_shells(arm)
-    found = exact_set(arm, mode)
     rng = generator(seed)
+    found = exact_set(arm, mode)
+    if found is None:
+        starts = STARTS if effort is None else effort
+        return _sampled_workspace(arm, mode, limits, starts, rng, progress)
+    if effort is None:
+        effort = EFFORT
     box = Box.of(arm.lower, arm.upper, limits)
     points = rng.uniform(box.low, box.high, (4096, arm.n))
-    small = arm.n <= MOST_CERTIFIED and found.codimension == 1
+    small = arm.n <= MOST_CERTIFIED
     part = 1.0 if small else SEARCHES
 
     def searching(share: float, _: float) -> None:
@@ -434,6 +472,8 @@ def workspace(
             effort=0 if small else effort,
             covered=np.empty((0, 2)) if proof is None else proof.radii,
             proof=() if proof is None else proof.curves,
+            resolution=0.0,
+            configurations=np.empty((0, arm.n)),
         )
 
     def keep(so_far: list[Shell]) -> None:
@@ -441,10 +481,14 @@ def workspace(
 
     try:
         if small:
-            reach, reach_gap = search.proven(None, reach)
+            reach, reach_gap = search.proven((), reach)
             farthest = float(reach[0].radius[1])
-            keep(search.exact(found))
-            proven, gap = search.proven(found.S, shells)
+            if found.codimension == 1:
+                keep(search.exact(found))
+            else:
+                keep(search.sampled(found, FEW, rng, reach[0].at, keep))
+            equations = found.triangle.equations
+            proven, gap = search.proven(equations, shells, lambda q: _is_member(found, q))
             keep(proven)
             gap = max(gap, reach_gap)
         else:
@@ -457,6 +501,60 @@ def workspace(
     except KeyboardInterrupt:
         why = "shells may be missing, or wider than found so far"
         raise StoppedError(why, known()) from None
+
+
+def _is_member(found: ExactSet, q: Array) -> bool:
+    """Check whether a root (n,) of the equations of a singular set is singular."""
+    return bool(found.are_singular(q[None])[0])
+
+
+def _sampled_workspace(
+    arm: SpaceArm,
+    mode: BaseMode,
+    limits: bool,
+    starts: int,
+    rng: np.random.Generator,
+    progress: Callable[[float, float], object] | None,
+) -> Workspace:
+    """Compute the workspaces of an arm by a search for singular configurations."""
+    arm.require_one_tip()
+    check_slides(arm)
+
+    def searching(share: float) -> None:
+        if progress:
+            progress(share, 1.0)
+
+    sampler = SingularSampler(arm, mode, limits, rng, searching)
+    sampler.find_reach()
+    stopped = False
+    try:
+        sampler.search(starts)
+        sampler.walk_into_gaps()
+    except KeyboardInterrupt:
+        stopped = True
+    found = sampler.result()
+    reachable = found.reachable[None]
+    pdw = merged([shell.radius for shell in found.shells])
+    result = Workspace(
+        arm=arm,
+        mode=mode,
+        limits=limits,
+        reachable=reachable,
+        pdw=pdw,
+        piw=without(reachable, pdw, TOLERANCE),
+        shells=tuple(found.shells),
+        reachable_at=found.reachable_at,
+        kind="stopped" if stopped else "sampled",
+        gap=np.nan if stopped else found.gap,
+        effort=found.found,
+        covered=np.empty((0, 2)),
+        proof=(),
+        resolution=found.resolution,
+        configurations=found.configurations,
+    )
+    if stopped:
+        raise StoppedError("singular configurations may be missing", result)
+    return result
 
 
 def _within(R: float, radii: Array) -> bool:

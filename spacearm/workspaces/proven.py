@@ -276,11 +276,12 @@ def left_out(found: ExactSet, box: Box, pdw: Array, farthest: float) -> float:
     if max(nearest, between) <= above or len(pdw) == 1:
         return max(nearest, above)
     R2 = radius_squared(found.arm, mode=found.mode)
-    S = found.S if found.codimension == 1 else None
+    equations = (found.S,) if found.codimension == 1 else ()
     squares = pdw**2
     squares[-1, 1] = np.inf
     least = float(pdw[pdw > 0.0].min())
-    proof = enclose(R2, S, squares, box.low, box.high, 2.0 * least * max(above, TOLERANCE))
+    accuracy = 2.0 * least * max(above, TOLERANCE)
+    proof = enclose(R2, equations, squares, box.low, box.high, accuracy)
     return max(above, min(max(nearest, between), proof.gap / least))
 
 

@@ -13,16 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spacearm.arrays import Array, named
-from spacearm.errors import UnsupportedError
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.branch_and_bound import enclose
 from spacearm.polynomial.level_set import connected
-from spacearm.polynomial.newton import bounded_extreme, polish
+from spacearm.polynomial.newton import bounded_extreme, onto, polish
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.singularities.exact_set import ExactSet
-from spacearm.singularities.polynomials import check_square, distances, radius_squared
-from spacearm.singularities.sets import singular_set, why_incomplete
+from spacearm.singularities.polynomials import distances, radius_squared
+from spacearm.singularities.sets import singular_set
 from spacearm.workspaces.extent import Box
 
 #: Number of best configurations of a sample from which each bound is searched.
@@ -45,8 +44,6 @@ BATCH = 4096
 #: Distance by which a piece may stand out of a shell that counts as holding it [m].
 NEGLIGIBLE = 1e-9
 
-SO = "without a singularity polynomial there are no shells, but sa.risk_profile takes every arm"
-
 
 class Shell(NamedTuple):
     """Range of the tip's distance from the system CM on one piece of the singular set.
@@ -67,27 +64,16 @@ class Shell(NamedTuple):
         return named(self)
 
 
-def check_shells(arm: SpaceArm) -> None:
-    """Refuse arms that have no shells.
+def exact_set(arm: SpaceArm, mode: BaseMode) -> ExactSet | None:
+    """Return the singular set of revolute joints if polynomials give it joint by joint, or None.
 
     Raises:
-        UnsupportedError: Its singular set is not given by polynomials; says why.
+        UnsupportedError: The arm can never do its task.
     """
-    whole_pose = arm.task.k == (3 if arm.tree.plane_normal() is not None else 6)
-    if arm.slides.any() or arm.coupling is not None or not whole_pose:
-        check_square(arm, SO)
-
-
-def exact_set(arm: SpaceArm, mode: BaseMode) -> ExactSet:
-    """Return the singular set.
-
-    Raises:
-        UnsupportedError: It is not known as a whole.
-    """
+    if arm.slides.any() or arm.coupling is not None:
+        return None
     found = singular_set(arm, mode=mode)
-    if not isinstance(found, ExactSet):
-        raise UnsupportedError(f"{arm.name}, {mode}: {why_incomplete(arm)}; {SO}")
-    return found
+    return found if isinstance(found, ExactSet) else None
 
 
 class ShellSearch:
@@ -149,29 +135,38 @@ class ShellSearch:
         at = np.array(ends)
         return Shell(distances(self.arm, at, self.mode), at, number)
 
-    def proven(self, S: TrigPolynomial | None, shells: list[Shell]) -> tuple[list[Shell], float]:
-        """Add shells until all roots of S (the whole box if S is None) are proven to be in one.
+    def proven(
+        self,
+        equations: Sequence[TrigPolynomial],
+        shells: list[Shell],
+        counts: Callable[[Array], bool] = lambda _: True,
+    ) -> tuple[list[Shell], float]:
+        """Add shells until all common roots are proven to be in one.
+
+        Args:
+            equations: Whose common roots the set is; the whole box if there are none.
+            shells: The shells that are known.
+            counts: Says which roots (n,) are singular.
 
         Returns:
             The shells, and the largest distance by which R may be outside of all of them [m].
         """
-        equations = () if S is None else (S,)
         for _ in range(MOST_ADDED):
             intervals = merged([shell.radius for shell in shells])
             ends = intervals[intervals > TOLERANCE]
             to_R = 2.0 * float(ends.min()) if len(ends) else 1.0
             squares = np.where(intervals <= TOLERANCE, -1.0, intervals**2)
-            proof = enclose(self.R2, S, squares, self.box.low, self.box.high, to_R * TOLERANCE)
+            accuracy = to_R * TOLERANCE
+            proof = enclose(self.R2, equations, squares, self.box.low, self.box.high, accuracy)
             if proof.outside is None:
                 return shells, TOLERANCE
-            root = proof.outside if S is None else polish(S, proof.outside[None])[0]
-            root = self.box.fold(root)
+            root = self.box.fold(_moved_onto(equations, proof.outside))
             R = float(distances(self.arm, root[None], self.mode)[0])
             known = any(low - TOLERANCE <= R <= high + TOLERANCE for low, high in intervals)
-            is_root = S is None or abs(S(root)) <= NOISE * S.scale
-            if known or not self.box.holds(root) or not is_root:
+            is_root = all(abs(S(root)) <= NOISE * S.scale for S in equations)
+            if known or not self.box.holds(root) or not is_root or not counts(root):
                 break
-            shells = [*shells, self.about(equations, root[None], len(shells))]
+            shells = [*shells, self.about(equations, root[None], len(shells), counts=counts)]
         return shells, proof.gap / to_R
 
     def exact(self, found: ExactSet) -> list[Shell]:
@@ -232,6 +227,13 @@ class ShellSearch:
             least, most = shells[-1].radius + np.array((-NEGLIGIBLE, NEGLIGIBLE))
             left = [part for part in left[1:] if part.radius[0] < least or part.radius[1] > most]
         return shells
+
+
+def _moved_onto(equations: Sequence[TrigPolynomial], point: Array) -> Array:
+    """Move a point (n,) onto the common roots of equations, if there are any."""
+    if len(equations) > 1:
+        return onto(equations, point[None])[0]
+    return polish(equations[0], point[None])[0] if equations else point
 
 
 def merged(ranges: list[Array]) -> Array:

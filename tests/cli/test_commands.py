@@ -400,7 +400,6 @@ def test_the_spin_of_a_point_mass_is_told_to_count_for_nothing():
 @pytest.mark.parametrize(
     ("words", "remedy"),
     [
-        (("workspace", "chaser7", "--task", "position"), "--lock joint_7=0.0; "),
         (("plan", "planar2", 4, 0, "--goal", 1, 1), "--with constraints.limits=false ignores"),
         (
             ("plan", "planar2", 0.3, 1.2, "--goal", 9, 9, "--with", "search.timeout=1"),

@@ -419,12 +419,6 @@ def test_plan_status_and_dry_run(study, study_file, whole, tmp_path):
         ("[sigma_min]", "[sigma_max]", sa.ConfigurationError, "sigma_min"),
         ("[sigma_min]", "[shells]\nmode = 'fix'\n[sigma_min]", sa.ConfigurationError, "fixed"),
         ("joints.q1", "joints.near", sa.ConfigurationError, "unknown joint"),
-        (
-            ", locked = {joint_7 = 0}}]",
-            ", task = 'position'}]\n[shells]",
-            sa.UnsupportedError,
-            "redundant",
-        ),
         (STUDY, "arms = []", sa.ConfigurationError, "name one or more"),
         (
             STUDY,
