@@ -77,6 +77,19 @@ def test_one_chunk_is_one_chunk():
     assert repr(study) == "Study(1 design of planar2: shells in 1 chunk)"
 
 
+@pytest.mark.slow
+def test_shells_of_redundant_arms_are_sampled_and_say_so():
+    study = sa.Study.parse(
+        'arms = [{source = "planar2", name = "one row", task = "x"}, "planar2"]\n'
+        "[shells]\neffort = 500"
+    )
+    sampled, certified = (study.compute(Chunk("shells", i)) for i in range(2))
+    assert np.ravel(sampled["sampled"]) == 1.0
+    assert np.ravel(sampled["gap"]) > 0.0
+    assert np.ravel(certified["sampled"]) == 0.0
+    assert np.ravel(certified["resolution"]) == 0.0
+
+
 def test_single_precision_rounds_once(study):
     single = sa.Study.parse(STUDY + "single = true\n")
     found = single.compute(Chunk("sigma_min", 3))["sigma_min"]
