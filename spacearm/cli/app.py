@@ -73,8 +73,8 @@ COMMANDS = {
         "models.export_to_file",
         """Write a robot or a motion for other programs.
 
-        The suffix of --output is the format: URDF, MJCF, SDF or C code of the robot; with --motion
-        CSV, MATLAB, JSON, MCAP, NetCDF or Zarr of a saved motion.
+        The suffix of --output is the format: URDF, MJCF or SDF of the robot; with --motion CSV,
+        MATLAB, JSON, MCAP, NetCDF or Zarr of a saved motion. --c-code writes C99 code of the robot.
         """,
     ),
     "query": Command(
@@ -366,12 +366,12 @@ def main() -> None:
         message = _refused(error) if isinstance(error, TyperException) else error
         print(f"spacearm: error: {_one_line(message)}", file=sys.stderr)
         sys.exit(1 if isinstance(error, ResourceError) else 2)
+    except typer.Abort:  # Ctrl-C; it is a RuntimeError
+        print("spacearm: stopped", file=sys.stderr)
+        sys.exit(INTERRUPTED)
     except (MemoryError, RuntimeError) as error:
         print(f"spacearm: error: {_one_line(_lacking(error))}", file=sys.stderr)
         sys.exit(1)
-    except typer.Abort:  # Ctrl-C
-        print("spacearm: stopped", file=sys.stderr)
-        sys.exit(INTERRUPTED)
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes at exit
         if not isinstance(error, BrokenPipeError):

@@ -107,44 +107,47 @@ ROBOT_WRITERS: dict[str, Callable[[sa.SpaceArm, Path], Path]] = {
     ".xml": sa.to_mjcf,
     ".sdf": sa.to_sdf,
 }
-#: Suffixes of the files of motions.
-MOTION_SUFFIXES = (".csv", ".mat", ".json", ".mcap", ".nc", ".zarr")
 
 
 @opt.on_a_model
 def export_to_file(
     arm: sa.SpaceArm,
     output: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             "--output",
             "-o",
-            metavar="FILE|FOLDER",
-            help="File to write; its suffix is the format. A robot: .urdf, .xml (MJCF), .sdf; "
-            f"a motion: {', '.join(MOTION_SUFFIXES)}. A name without a suffix is a folder for C "
-            "code of the robot.",
+            metavar="URDF|XML|SDF|CSV|MAT|JSON|MCAP|NC|ZARR",
+            help="File to write. The robot: .urdf, .xml (MJCF) or .sdf; a motion: the others.",
+            callback=opt.to_write,
         ),
-    ],
+    ] = None,
+    c_code: Annotated[
+        Path | None, typer.Option("--c-code", metavar="FOLDER", help="Folder for C99 code.")
+    ] = None,
     motion: Annotated[
         Path | None,
-        typer.Option(metavar="NPZ", help="Export this motion, written by --save, not the robot."),
+        typer.Option(metavar="NPZ", help="Export this motion, saved by --save, not the robot."),
     ] = None,
     mode: opt.Mode = "free-floating",
     servo: Annotated[bool, typer.Option("--servo", help="Add the servo to the C code.")] = False,
 ) -> None:
     """Write a robot or a motion for other programs."""
-    suffix = output.suffix.lower()
     written: Sequence[Path]
-    if motion is not None:
-        require_known("suffix of a motion's file", suffix, MOTION_SUFFIXES, f"--output {output}: ")
-        written = [sa.write_motion(sa.Motion.load(motion, arm), output)]
-    elif not suffix:
+    if c_code is not None and output is not None:
+        raise sa.ConfigurationError("--output and --c-code are given; leave one of them out")
+    if c_code is not None:
         try:
-            output.mkdir(exist_ok=True)
+            c_code.mkdir(exist_ok=True)
         except OSError as error:
-            raise sa.SpaceArmError(f"--output {output}: no folder can be made: {error}") from None
-        written = sa.to_c(arm, output, mode=mode, servo=servo)
-    else:
+            raise sa.SpaceArmError(f"--c-code {c_code}: no folder can be made: {error}") from None
+        written = sa.to_c(arm, c_code, mode=mode, servo=servo)
+    elif output is not None and motion is not None:
+        written = [sa.write_motion(sa.Motion.load(motion, arm), output)]
+    elif output is not None:
+        suffix = output.suffix.lower()
         require_known("suffix of a robot's file", suffix, ROBOT_WRITERS, f"--output {output}: ")
         written = [ROBOT_WRITERS[suffix](arm, output)]
+    else:
+        raise sa.ConfigurationError("no file is named; give --output or --c-code")
     print_description(Description(title=f"wrote {listed([str(path) for path in written])}"))

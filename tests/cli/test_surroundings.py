@@ -142,7 +142,8 @@ def stopped_after(blocks, size, monkeypatch):
         else:
             before(results, rows, slowly, threads, tell)
 
-    monkeypatch.setattr(module, "fill", interrupted)
+    for user in ("spacearm.mechanics.batch", "spacearm.singularities.risk"):
+        monkeypatch.setattr(importlib.import_module(user), "fill", interrupted)
     monkeypatch.setattr(module, "BLOCK", size)
 
 

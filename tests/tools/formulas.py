@@ -272,8 +272,10 @@ COMPILER = [
             ("angles: what 1 - z/2 loses", "near + (lost + ", "near + ("),
             ("angles: zero keeps its sign", "np.where(size <= 0.0, x, sine)", "sine"),
         )),
-        ("lanes", "compiler/test_kernel compiler/test_loops", (
+        ("instructions", "compiler/test_kernel compiler/test_loops", (
             ("rows are transposed", "[j | half if not j & half", "[j if not j & half"),
+        )),
+        ("lanes", "compiler/test_kernel compiler/test_loops", (
             ("rows that fill no vector", "for k in range(whole, size)", "for k in range(whole, size - 1)"),
         )),
         ("lanes", "compiler/test_expressions compiler/test_loops compiler/test_kernel", (
