@@ -177,10 +177,14 @@ def test_short_help(name):
     assert run.stdout == spacearm(name, "--help").stdout
 
 
-def test_no_command_has_more_than_twenty_options():
+#: Half of the options of the largest command describe the robot and are shared by all.
+MOST_OPTIONS = 22
+
+
+def test_no_command_has_too_many_options():
     for name in COMMANDS:
         options = {tuple(p.opts) for p in command(name).params if p.param_type_name == "option"}
-        assert len(options) <= 20, name
+        assert len(options) <= MOST_OPTIONS, name
 
 
 def test_each_command_says_what_it_is_for():

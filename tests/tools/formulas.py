@@ -276,13 +276,13 @@ COMPILER = [
             ("rows are transposed", "[j | half if not j & half", "[j if not j & half"),
         )),
         ("lanes", "compiler/test_kernel compiler/test_loops", (
-            ("rows that fill no vector", "for k in range(whole, size)", "for k in range(whole, size - 1)"),
+            ("rows that fill no vector", "self.joined([self.load_one(address, 0) for address in at])", "self.joined([self.load_one(at[0], 0) for address in at])"),
         )),
         ("lanes", "compiler/test_expressions compiler/test_loops compiler/test_kernel", (
             ("lanes: a b - c", "(a, minus) if first", "(a, c) if first"),
             ("lanes: products used once", "and uses[o.number] == 1", "and uses[o.number] >= 1"),
-            ("lanes that have ended keep their state", "found = self.operate(SELECT, runs, found, self.load(state, i))", "pass"),
-            ("lanes: tables end", 'i = self.new(f"call i64 @llvm.smin.i64(i64 {i}, i64 {last})")', "pass"),
+            ("lanes that have ended keep their state", 'found = self.operate(SELECT, runs, found, self.load("%m", state + i))', "pass"),
+            ("lanes: tables end", 'i = self.new(f"call i64 @llvm.smin.i64(i64 {i}, i64 {last})", scalars=2)', "pass"),
             ("lanes: rows of turns", "base, lane * size * most)", "base, lane * size)"),
         )),
         ("kernel", "compiler/test_kernel compiler/test_loops", (
@@ -368,7 +368,7 @@ MUTANTS = [
     ),
     Mutant(
         "distance of redundant arms", "equations/measures.py",
-        "x = x - (row @ x) * row", "x = 1.0 * x", "singularities/test_distance",
+        "x = x - (part @ x) @ part if at_once else x - (part @ x) * part", "x = 1.0 * x", "singularities/test_distance",
     ),
     Mutant(
         "distance where fewer equations hold", "equations/measures.py",
@@ -416,7 +416,7 @@ MUTANTS = [
         "companion[:, :, -1] = -monic", "companion[:, :, -1] = monic", "polynomial/test_trig",
     ),
     Mutant(
-        "loss of rank: found is sigma_min = 0", "singularities/nearest.py",
+        "loss of rank: found is sigma_min = 0", "mechanics/distance.py",
         "found, before = near.sigma <= LOST * most", "found, before = near.sigma <= 1e-2 * most",
         "singularities/test_sets singularities/test_redundant_sets",
     ),
