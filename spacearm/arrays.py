@@ -293,3 +293,11 @@ def finite(values: object, shape: tuple[int, ...], name: str, meaning: str = "")
         given = f"is {shown(values, 400)}" if few else f"has shape {np.shape(array)}"
         raise ConfigurationError(f"{name} {given}; give {size}{meaning and ' '}{meaning}")
     return array
+
+
+def uniform_in_ball(rng: np.random.Generator, m: int, n: int, reach: float) -> Array:
+    """Return the origin and m - 1 points of a ball about it, uniform in it, (m, n)."""
+    ways = rng.normal(size=(m, n))
+    ways *= reach * rng.uniform(size=(m, 1)) ** (1.0 / n) / np.linalg.norm(ways, axis=1)[:, None]
+    ways[0] = 0.0
+    return ways

@@ -29,6 +29,7 @@ Fiessler, Comput. Struct. 9, 489-494 (1978).
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -53,6 +54,8 @@ NEAR = np.radians(4.0)
 FINE = 1e-5
 #: Time that the derivative of J* takes without compiled code, for one configuration [s].
 SINGLY = 1e-3
+#: By how many joints of an arm that is not compiled this time is doubled; it grows as their square.
+DOUBLED = 25.0
 #: The second step counts only if the first one came this much nearer, less and less up to that.
 CONTRACTING = 0.5
 
@@ -285,17 +288,41 @@ def linearise(
         expected: How many configurations it is computed for in all, if that is more.
     """
     many = max(len(Q), expected)
-    if arm.n < arm.task.k or not worth_compiling(many, SINGLY):
-        return linearise_singly(arm, Q, mode, fading)
+    if arm.n >= arm.task.k and worth_compiling(many, SINGLY):
+        with suppress(LongTapeError):
+            return _linearise_compiled(arm, Q, mode, fading, many)
+    return linearise_singly(arm, Q, mode, fading)
+
+
+def _linearise_compiled(
+    arm: SpaceArm, Q: Array, mode: BaseMode, fading: float, many: int
+) -> Linearisation:
+    """Linearise the singular set by machine code.
+
+    Raises:
+        LongTapeError: The arm has so many joints that its equations are not compiled.
+    """
     kernel = ArmKernel([arm], mode, distance, lanes=WIDE, rows=many)
-    try:
-        far, sigma, rows = kernel({"q": Q}, {"fading": fading, "radians": joint_scales(arm)})
-    except LongTapeError:
-        return linearise_singly(arm, Q, mode, fading)
+    far, sigma, rows = kernel({"q": Q}, {"fading": fading, "radians": joint_scales(arm)})
     on_it = far == 0.0
     if on_it.any():  # singular all around, it has no normal
         rows[on_it] = np.where(np.isnan(rows[on_it]), 0.0, rows[on_it])
     return Linearisation(far, sigma, rows)
+
+
+def seconds_of_linearising(arm: SpaceArm, mode: BaseMode, many: int) -> float:
+    """Return the CPU time of linearising the singular set once, about; zero if compiled [s].
+
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+        many: As `expected` of `linearise`.
+    """
+    if arm.n >= arm.task.k:
+        with suppress(LongTapeError):
+            _linearise_compiled(arm, np.zeros((1, arm.n)), mode, FADING, many)
+            return 0.0
+    return SINGLY * (1.0 + (arm.n / DOUBLED) ** 2)
 
 
 def distances(

@@ -62,6 +62,8 @@ RIDGE = 1e-14
 DEGREE, OF_SEVERAL = 3, 4
 #: The same where all boxes are so small that no wave turns by more than this in them [rad].
 OF_SMALL, SMALL_TURN = 2, 0.5
+#: Boxes that a proof may take, and how many coefficients are summed up in them.
+MOST_BOXES, MOST_TERMS = 20_000, 1.2e9
 
 
 class Monomials(NamedTuple):
@@ -448,6 +450,12 @@ class Proof(NamedTuple):
     radius: float
     open: Array
     tried: int
+
+
+def most_boxes(functions: Sequence[Jets]) -> int:
+    """Return how many boxes a proof with some functions may take, in a second or two."""
+    terms = sum(f.polynomial.coefficients.size for f in functions)
+    return int(min(MOST_BOXES, MOST_TERMS / terms)) if terms else 0
 
 
 def prove(

@@ -21,7 +21,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales, joint_vector, warn_outside
 from spacearm.polynomial.certificate import WHOLE, Certificate, certify
 from spacearm.polynomial.free_regions import Roots as Region
-from spacearm.polynomial.free_regions import prove
+from spacearm.polynomial.free_regions import most_boxes, prove
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.level_set import Mesh
 from spacearm.polynomial.trig import TrigPolynomial
@@ -30,7 +30,7 @@ from spacearm.polynomial.univariate import Roots
 from spacearm.results import Cell, Described, Description, Table
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import any_payload, immaterial_links, payload_note
-from spacearm.singularities.nearest import NearestSingular, most_boxes, nearest_singular
+from spacearm.singularities.nearest import NearestSingular, nearest_singular
 from spacearm.singularities.polynomials import minors_of, proving_minors
 from spacearm.singularities.regularity import has_momenta, prove_by_momenta
 from spacearm.singularities.rounding import error_bars

@@ -6,6 +6,8 @@ set linearised at x (`mechanics.distance.project`). Nearest points are fixed poi
 ends are then moved onto the set and along it, by Newton's method on T(x) = x, its derivatives taken
 as differences, or by shorter steps towards T(x) where that is no nearer.
 
+Arms that are not compiled get fewer starts and steps, and none of Newton's method (`effort_of`).
+
 Starts are random offsets, the configuration itself, the end of a descent along the gradient from it
 and, where J* has one minor S, the roots of S along lines through it. So what is found is never
 farther than that descent reaches.
@@ -21,19 +23,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
 import scipy
 
-from spacearm.arrays import Array, Booleans, Progress
+from spacearm.arrays import Array, Booleans, Progress, uniform_in_ball
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.distance import Linearisation, linearise, project
+from spacearm.mechanics.arm_kernels import KEPT_ARMS
+from spacearm.mechanics.distance import Linearisation, linearise, project, seconds_of_linearising
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.polynomial.certificate import WHOLE
-from spacearm.polynomial.free_regions import Roots, prove
+from spacearm.polynomial.free_regions import Roots, most_boxes, prove
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.tubes import ROUNDING, Tubes, deviations, foot
@@ -51,8 +55,8 @@ CHORD = 0.2
 #: number; the largest number from which the nearest configuration is looked for, and how far apart
 #: they are [rad].
 ABREAST, LOOKED_AT, LOOKED_FROM, ALONG = 0.1, 400, 6, 0.3
-#: Boxes that such a proof may take, and how many coefficients are summed up in them.
-MOST_BOXES, MOST_TERMS = 20_000, 1.2e9
+#: CPU time that a search may take where the equations of the arm are not compiled, about [s].
+PATIENCE = 15.0
 #: Share of a distance by which another one is nearer.
 NEARER = 1e-6
 #: Starts within reach of the configuration, and within that of the best found so far.
@@ -84,10 +88,9 @@ LANDED = 1e-9
 #: Way between the rows of a motion that are searched [rad], most of them, and how often the points
 #: that are found from one row are tried from the others.
 SPACING, MOST_SEARCHED, PASSES = float(np.radians(10.0)), 64, 6
-#: Most rows of a motion from which its distances are searched.
-MOST_SETTLED = 2000
-#: Configurations that the set is linearised at until an offset has settled, about.
-LINEARISED = 100
+#: Most rows of a motion from which its distances are searched, and configurations that the set is
+#: linearised at until an offset has settled, about.
+MOST_SETTLED, LINEARISED = 2000, 100
 #: Distance of the set from singular configurations, and where it is nowhere in sight [rad].
 THERE, FAR = 1e-8, 10.0
 #: Farther from the set than this no end is singular, whatever rounding does to sigma_min [rad].
@@ -218,7 +221,8 @@ def search_and_proof(
     points = way / unit
     places = _lookouts(arm, mode, points)
     boxes = most_boxes(minors)
-    most = _most(arm.n) * len(places) + boxes
+    effort = effort_of(arm, mode, LINEARISED, len(places))
+    most = effort.linearised(arm.n) * len(places) + boxes
 
     def worked(m: int) -> None:
         nonlocal done
@@ -228,7 +232,9 @@ def search_and_proof(
 
     def about(x: Array) -> NearestSearch:
         low, high = ((arm.lower, arm.upper) / unit - x) if limits else (-np.inf, np.inf)
-        return NearestSearch(arm, mode, (unit * x)[None], low, high, linearised=worked)
+        return NearestSearch(
+            arm, mode, (unit * x)[None], low, high, linearised=worked, searches=len(places)
+        )
 
     best, start, distance, proven = None, points[0, 0], np.inf, 0.0
 
@@ -263,7 +269,9 @@ def search_and_proof(
             break
         x = foot(points, proof.open[0])[0]
         search = about(x)
-        if not is_nearer(x, search.settled(search.descended(proof.open[: STARTS[1]] - x)[0])):
+        if not is_nearer(
+            x, search.settled(search.descended(proof.open[: effort.starts[1]] - x)[0])
+        ):
             break
     if best is None:
         return None, proven
@@ -302,16 +310,10 @@ def _on_lines(arm: SpaceArm, mode: BaseMode, minors: Sequence[Jets], q: Array) -
     return offsets[np.isfinite(offsets).all(axis=1)]
 
 
-def most_boxes(minors: Sequence[Jets]) -> int:
-    """Return how many boxes a proof with minors may take, in a second or two."""
-    terms = sum(f.polynomial.coefficients.size for f in minors)
-    return int(min(MOST_BOXES, MOST_TERMS / terms)) if terms else 0
-
-
 def _lookouts(arm: SpaceArm, mode: BaseMode, points: Array) -> list[Array]:
     """Return places (n,) on a way from which its nearest singular configuration is looked for."""
     rows = np.vstack((points[:, 0], points[-1:, -1]))
-    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(rows, axis=0), axis=1)))
+    along = _lengths(rows)
     m = min(1 + int(np.ceil(along[-1] / ABREAST)), LOOKED_AT)
     if m == 1:
         return [rows[0]]
@@ -355,7 +357,7 @@ def distances_found(
 ) -> Array:
     """Return how far the nearest singular configurations found from some rows are, (m,) [rad].
 
-    At most `MOST_SETTLED` rows are searched, evenly spaced along the way. The distance of a row
+    At most `most_settled` rows are searched, evenly spaced along the way. The distance of a row
     between two of them is that to the nearer one of the two configurations found from these. Where
     it may be the least of all, it is searched, too, for as many rows again. Each distance is an
     upper bound: a singular configuration at that distance exists. It is inf where none was found.
@@ -370,9 +372,9 @@ def distances_found(
         return np.zeros(len(Q))
     at = Q / joint_scales(arm)
     way = _lengths(at)
-    rows = np.arange(len(Q))
-    if len(Q) > MOST_SETTLED:
-        evenly = np.linspace(0.0, way[-1], MOST_SETTLED - 2)
+    rows, most = np.arange(len(Q)), most_settled(arm, mode)
+    if len(Q) > most:
+        evenly = np.linspace(0.0, way[-1], max(most - 2, 0))
         rows = np.unique([0, len(Q) - 1, *np.searchsorted(way, evenly).tolist()])
     best, points = _searched(arm, mode, Q[rows], progress)
     if len(rows) == len(Q):
@@ -386,10 +388,16 @@ def distances_found(
         least = np.maximum(least, best[number] - gap)  # no distance changes faster than the row
     distance[rows] = best
     near = np.flatnonzero(least < distance.min())
-    near = near[np.argsort(distance[near])][:MOST_SETTLED]
+    near = near[np.argsort(distance[near])][:most]
     settled = np.linalg.norm(local_offsets(arm, mode, Q[near]), axis=1)
     distance[near] = np.fmin(distance[near], settled)
     return distance
+
+
+def most_settled(arm: SpaceArm, mode: BaseMode) -> int:
+    """Return from how many rows of a motion its distances are searched at most."""
+    seconds = LINEARISED * seconds_of_linearising(arm, mode, LINEARISED)
+    return int(min(MOST_SETTLED, max(2.0, PATIENCE / seconds))) if seconds else MOST_SETTLED
 
 
 def _searched(
@@ -418,7 +426,7 @@ def _searched(
     points = at + local_offsets(arm, mode, Q)
     for done, i in enumerate(starts, 1):
         told(done)
-        end = NearestSearch(arm, mode, Q[i : i + 1]).nearest()
+        end = NearestSearch(arm, mode, Q[i : i + 1], searches=len(starts)).nearest()
         if end is not None:
             points = np.vstack((points, at[i] + end))
     best, found = np.full(len(Q), np.inf), np.full(Q.shape, np.nan)
@@ -445,11 +453,40 @@ def _lengths(X: Array) -> Array:
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(X, axis=0), axis=1)))
 
 
-def _most(n: int) -> int:
-    """Return how often descents and settling linearise the set if no end rests early."""
-    moves = (PRUNED_AFTER + 1) * ENDS + (SETTLING - PRUNED_AFTER - 1) * min(PRUNED, ENDS)
-    each = 2 * n + 1 + (BACK + 1) * (1 + len(SHARES))
-    return (STEPS + LANDING + 2) * sum(STARTS) + moves * each + 3 * ENDS
+@dataclass(frozen=True)
+class SearchEffort:
+    """How much a search does.
+
+    Attributes:
+        starts: Starts within reach of the configuration, and within that of the best found so far.
+        ends: Ends that are moved along the set.
+        settling: Steps along the set.
+        newton: Whether Newton's method is used, which linearises the set 2 n times for each step.
+    """
+
+    starts: tuple[int, int] = STARTS
+    ends: int = ENDS
+    settling: int = SETTLING
+    newton: bool = True
+
+    def linearised(self, n: int) -> int:
+        """Return how often a search linearises the set of n joints if no end rests early."""
+        after = max(self.settling - PRUNED_AFTER - 1, 0)
+        moves = (self.settling - after) * self.ends + after * min(PRUNED, self.ends)
+        each = 2 * n * self.newton + 1 + (BACK + 1) * (1 + len(SHARES))
+        return (STEPS + LANDING + 2) * sum(self.starts) + moves * each + 3 * self.ends
+
+
+@lru_cache(maxsize=KEPT_ARMS)
+def effort_of(arm: SpaceArm, mode: BaseMode, expected: int, searches: int) -> SearchEffort:
+    """Return the effort of each of some searches: all, or what takes `PATIENCE` uncompiled."""
+    seconds = searches * seconds_of_linearising(arm, mode, expected)
+    if not seconds:
+        return SearchEffort()
+    share = min(1.0, PATIENCE / seconds / SearchEffort(newton=False).linearised(arm.n))
+    first, second = (max(2, round(share * m)) for m in STARTS)
+    ends, settling = max(1, round(share * ENDS)), max(3, round(share**0.5 * SETTLING))
+    return SearchEffort((first, second), ends, settling, newton=False)
 
 
 @dataclass(frozen=True)
@@ -464,6 +501,7 @@ class NearestSearch:
         high: Largest offsets, likewise.
         expected: How many configurations the set is linearised at in all, about.
         linearised: Told at how many it has just been.
+        searches: As of `effort_of`.
     """
 
     arm: SpaceArm
@@ -473,6 +511,12 @@ class NearestSearch:
     high: Array | float = np.inf
     expected: int = LINEARISED
     linearised: Callable[[int], object] = bool
+    searches: int = 1
+
+    @property
+    def effort(self) -> SearchEffort:
+        """How much it does."""
+        return effort_of(self.arm, self.mode, self.expected, self.searches)
 
     def linearise(self, X: Array) -> Linearisation:
         """Linearise the set at offsets (m, n), or at m k of them, k in a row from each of Q."""
@@ -498,8 +542,8 @@ class NearestSearch:
         """
         rng, reach, n = np.random.default_rng(0), REACH, self.arm.n
         ends = [self.onto(np.zeros((1, n)), DESCENT)]
-        for m in STARTS:
-            starts = _ball(rng, m, n, reach)
+        for m in self.effort.starts:
+            starts = uniform_in_ball(rng, m, n, reach)
             if beside is not None and len(ends) == 1:
                 starts = np.concatenate((starts, beside))
             X, merit = self.descended(self.within(starts))
@@ -575,12 +619,13 @@ class NearestSearch:
         """Return the offsets (m, n) of the set that are reached along it from X, nearest first."""
         X = self.onto(X, LANDING)
         _, merit = self.project(X)
-        ends = _apart(X, merit, ENDS)
+        most = self.effort.ends
+        ends = _apart(X, merit, most)
         landed = X[self.on_set(X)]
         nearest = landed[np.argsort(np.linalg.norm(landed, axis=1))[:1]]
         ends = np.concatenate((nearest, self.rested(np.concatenate((nearest, ends)))))
         ends = ends[~np.isnan(ends[:, 0])]
-        return _apart(ends, np.linalg.norm(ends, axis=1), ENDS)
+        return _apart(ends, np.linalg.norm(ends, axis=1), most)
 
     def on_set(self, X: Array) -> Booleans:
         """Tell which offsets (m, n) are singular, those included that are within rounding."""
@@ -600,7 +645,7 @@ class NearestSearch:
         """
         merit, moving = np.full(len(X), np.inf), np.arange(len(X))
         rivals = len(self.Q) == 1
-        for i in range(SETTLING):
+        for i in range(self.effort.settling):
             part = self if rivals else replace(self, Q=self.Q[moving])
             X[moving], merit[moving], rests = part._moved(X[moving])
             moving = moving[~rests]
@@ -614,22 +659,23 @@ class NearestSearch:
 
     def _moved(self, X: Array) -> tuple[Array, Array, Booleans]:
         """Move offsets (m, n) along the set; returns their merits and which are at rest, too."""
-        m, n = X.shape
-        nudges = NUDGE * np.concatenate((np.zeros((1, n)), np.eye(n), -np.eye(n)))
+        (m, n), newton = X.shape, self.effort.newton
+        nudges = np.zeros((1, n))
+        if newton:
+            nudges = NUDGE * np.concatenate((nudges, np.eye(n), -np.eye(n)))
         target, merit = self.project((X[:, None] + nudges).reshape(-1, n))
         target, merit = target.reshape(m, -1, n), merit.reshape(m, -1)[:, 0]
-        slopes = (target[:, 1 : n + 1] - target[:, n + 1 :]).swapaxes(1, 2) / (2.0 * NUDGE)
         way = target[:, 0] - X
         size = np.linalg.norm(way, axis=1)
-        newton = (np.linalg.pinv(np.eye(n) - slopes) @ way[:, :, None])[..., 0]
+        steps = SHARES[:, None] * shortened(way, STRIDE)[:, None]
+        if newton:
+            slopes = (target[:, 1 : n + 1] - target[:, n + 1 :]).swapaxes(1, 2) / (2.0 * NUDGE)
+            step = (np.linalg.pinv(np.eye(n) - slopes) @ way[:, :, None])[..., 0]
+            steps = np.concatenate((shortened(step, STRIDE)[:, None], steps), axis=1)
         moved = np.zeros(m, dtype=bool)
-        steps = np.concatenate(
-            (shortened(newton, STRIDE)[:, None], SHARES[:, None] * shortened(way, STRIDE)[:, None]),
-            axis=1,
-        )
         goes = size**2 > RESTING * np.linalg.norm(X, axis=1)  # else the merit cannot fall by more
-        alone = (size[goes] < NEARBY).all()
-        for count in (1, 1 + len(SHARES)) if alone else (1 + len(SHARES),):
+        alone = not newton or (size[goes] < NEARBY).all()
+        for count in (1, steps.shape[1]) if alone else (steps.shape[1],):
             if not goes.any():
                 break
             tried = self.onto((X[:, None] + steps[:, :count]).reshape(-1, n), BACK)
@@ -641,14 +687,6 @@ class NearestSearch:
             moved |= better
             goes &= ~better
         return X, merit, ~moved
-
-
-def _ball(rng: np.random.Generator, m: int, n: int, reach: float) -> Array:
-    """Return the origin and offsets (m, n) that are uniform in a ball about it."""
-    ways = rng.normal(size=(m, n))
-    ways *= reach * rng.uniform(size=(m, 1)) ** (1.0 / n) / np.linalg.norm(ways, axis=1)[:, None]
-    ways[0] = 0.0
-    return ways
 
 
 def _apart(X: Array, merit: Array, most: int) -> Array:

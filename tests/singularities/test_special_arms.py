@@ -77,7 +77,7 @@ def test_where_the_search_finds_none_the_proof_stops_beside_one_and_finds_it(mon
 def test_the_nearest_found_is_no_farther_than_the_descent_along_the_gradient(name, monkeypatch):
     """Also without any other start."""
     arm = sa.load(name)
-    monkeypatch.setattr(nearest, "_ball", lambda *_: np.full((1, arm.n), 2.5))
+    monkeypatch.setattr(nearest, "uniform_in_ball", lambda *_: np.full((1, arm.n), 2.5))
     for q in np.random.default_rng(1).uniform(-np.pi, np.pi, (5, arm.n)):
         search = NearestSearch(arm, "free-floating", q[None])
         end = search.onto(np.zeros((1, arm.n)), nearest.DESCENT)
@@ -89,7 +89,7 @@ def test_the_nearest_found_is_no_farther_than_the_descent_along_the_gradient(nam
 def test_roots_on_lines_through_the_posture_are_starts(monkeypatch):
     """Without random starts and descents those of S along the joints are found."""
     arm = sa.load("mda6")
-    monkeypatch.setattr(nearest, "_ball", lambda *_: np.full((1, arm.n), 2.5))
+    monkeypatch.setattr(nearest, "uniform_in_ball", lambda *_: np.full((1, arm.n), 2.5))
     q = np.array([0.3, 0.8, -0.9, 0.4, 1.0, 0.2])
     S = sa.singularity_polynomial(arm)
     along = np.concatenate([S.roots(q, j).angles - q[j] for j in range(5)])
