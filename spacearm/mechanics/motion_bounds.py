@@ -35,7 +35,8 @@ from scipy.interpolate import PPoly
 from spacearm.arrays import Array
 from spacearm.mechanics.jacobian import turning_axes
 from spacearm.model.arguments import FLOATING, BaseMode, free_components
-from spacearm.model.arm import SpaceArm
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.wheels import Wheel
 
 #: Derivatives of the joint positions that the bounds take.
 DERIVATIVES = 4
@@ -45,6 +46,8 @@ ROOT = 1
 MARGIN = 5e-3
 #: How many times intervals near a peak are halved at most.
 HALVINGS = 16
+#: Share of the momentum on board that is rounding.
+ROUNDING = 1e-12
 
 
 class Peaks(NamedTuple):
@@ -59,13 +62,6 @@ class Peaks(NamedTuple):
     t: Array
     found: Array
     bound: Array
-
-    @classmethod
-    def largest(cls, parts: Sequence[Peaks]) -> Peaks:
-        """Return the peaks of several motions together; times count from the first one's start."""
-        t, found, bound = (np.array(values) for values in zip(*parts, strict=True))
-        each = np.arange(found.shape[1])
-        return cls(t[found.argmax(axis=0), each], found.max(axis=0), bound.max(axis=0))
 
 
 def bounded_peaks(
@@ -234,11 +230,30 @@ class OnBoard(NamedTuple):
 
     Attributes:
         momentum: Size of the angular momentum of the whole system [N m s].
-        stored: Size of what its wheels hold [N m s].
+        stored: Bound on the size of the momentum that its wheels hold, in any posture [N m s].
+        axes: Axes of the spacecraft about which it rotates: of a planar arm the normal of its plane
+            alone, unless momentum across it rotates the spacecraft about the others.
     """
 
     momentum: float
     stored: float
+    axes: tuple[int, ...]
+
+    @classmethod
+    def of(cls, start: Configuration) -> OnBoard:
+        """Return what is on board at the start of a motion."""
+        arm, axes = start.arm, turning_axes(start.arm)
+        held = [start.with_wheels(each).stored[3:] for each in np.diag(start.wheels)]
+        wheels = np.array(held).reshape(-1, 3)
+        moves = np.array([_parent(arm, wheel) != ROOT for wheel in arm.wheels], dtype=bool)
+        on_spacecraft = np.linalg.norm(wheels[~moves].sum(axis=0))
+        on_links = np.linalg.norm(wheels[moves], axis=1).sum()
+        vectors = np.vstack((start.momentum[3:], wheels)) @ start.base.rotation
+        across = np.delete(np.abs(vectors), axes, axis=1)
+        if across.max(initial=0.0) > ROUNDING * np.abs(vectors).max():
+            axes = (0, 1, 2)
+        momentum = float(np.linalg.norm(start.momentum[3:]))
+        return cls(momentum, float(on_spacecraft + on_links), axes)
 
 
 class BodyLoad(NamedTuple):
@@ -338,9 +353,14 @@ def _gyrations(
     arm: SpaceArm, on_board: OnBoard, bodies: dict[int, BodyBounds]
 ) -> list[tuple[int, Array]]:
     """Return what wheels on moving links hold: the joint that moves each, and its bounds."""
-    joints = [arm.model.frames[wheel.frame].parentJoint for wheel in arm.wheels]
+    joints = [_parent(arm, wheel) for wheel in arm.wheels]
     moved = dict.fromkeys(joint for joint in joints if joint in bodies)
     return [(joint, on_board.stored * bodies[joint].rotation) for joint in moved]
+
+
+def _parent(arm: SpaceArm, wheel: Wheel) -> int:
+    """Return the joint of the model that moves the link that carries a wheel."""
+    return int(arm.model.frames[wheel.frame].parentJoint)
 
 
 def _base_turn(
@@ -358,13 +378,13 @@ def _base_turn(
     h, carried = _momentum(arm, bodies), _carried(bodies)
     locked = sum(body.moment_of_inertia for body in bodies)
     locked = np.asarray(locked + product(carried, carried) / arm.mass)
-    alone, at_begin = _least_inertias(arm, q)
+    alone, at_begin = _least_inertias(arm, q, on_board.axes)
     inertia = np.maximum(alone, at_begin - width * locked[1])
     seen = np.zeros_like(h)  # the momentum on board in spacecraft axes
     seen[0] = on_board.momentum
     wheels: Array = np.zeros_like(h)
     wheels[0] = on_board.stored
-    if any(arm.model.frames[wheel.frame].parentJoint != ROOT for wheel in arm.wheels):
+    if any(_parent(arm, wheel) != ROOT for wheel in arm.wheels):
         wheels = on_board.stored * np.max([body.rotation[:-1] for body in bodies], axis=0)
     turn: Array = np.zeros_like(h)
     for k in range(len(turn)):
@@ -375,12 +395,12 @@ def _base_turn(
     return turn
 
 
-def _least_inertias(arm: SpaceArm, q: Array) -> tuple[float, Array]:
+def _least_inertias(arm: SpaceArm, q: Array, about: Sequence[int]) -> tuple[float, Array]:
     """Return the least moment of inertia of the spacecraft alone, and of the system at q (p, n).
 
-    Both are eigenvalues about the axes about which the arm turns its spacecraft [kg m^2].
+    Both are eigenvalues about the given axes of the spacecraft [kg m^2].
     """
-    axes = np.ix_(turning_axes(arm), turning_axes(arm))
+    axes = np.ix_(about, about)
     model, data, full = arm.model, arm.borrow(), pin.neutral(arm.model)
     locked = np.empty((len(q), *axes[0].shape[:1], *axes[1].shape[1:]))
     for i, row in enumerate(q):

@@ -470,9 +470,7 @@ def load_peaks(
     def values(t: Array) -> Array:
         return np.array([loads(one) for one in t.tolist()])
 
-    on_board = OnBoard(
-        float(np.linalg.norm(start.momentum[3:])), float(np.linalg.norm(start.stored[3:]))
-    )
+    on_board = OnBoard.of(start)
     held = None if body is None else _load_of(arm, body)
 
     def bends(begin: Array, width: Array) -> Array:
