@@ -26,6 +26,9 @@ from spacearm.signatures import checked
 
 #: Largest joint motion [rad] or [m] of one integration step along a segment.
 STEP = 0.05
+#: Number of times between two samples, the ends included, at which joint rates are compared: those
+#: of a quintic are zero at five times only if it rests.
+RATES = 5
 
 
 @checked
@@ -129,7 +132,7 @@ def attitudes_over_time(start: Configuration, joints: PPoly, t: Array) -> Array:
     The total momentum h of `start` is conserved, and its wheels keep the momentum h_w that they
     hold: in spacecraft axes w_0 = D^-1 (T^T h - h_w - D_q dq), which is (33c) without momentum.
     The Euler parameters are integrated by equation (36) with the classical Runge-Kutta method of
-    fourth order, in steps in which joints and base move by at most `STEP`.
+    fourth order, in steps in which joints and base move by about `STEP` at most.
 
     Args:
         start: The configuration at t[0], with momentum and wheels.
@@ -142,7 +145,8 @@ def attitudes_over_time(start: Configuration, joints: PPoly, t: Array) -> Array:
     arm, h = start.arm, start.momentum[3:]
     stored = start.base.rotation.T @ start.stored[3:]
     span = np.diff(t)
-    moved = np.abs(joints(0.5 * (t[:-1] + t[1:]), 1)).max(axis=1) * span
+    within = t[:-1, None] + span[:, None] * np.linspace(0.0, 1.0, RATES)
+    moved = np.abs(joints(within, 1)).max(axis=(1, 2)) * span
     D_start = momenta(arm, start.q[None])[0][0]
     spin = np.linalg.norm(np.linalg.solve(D_start, start.base.rotation.T @ h - stored))
     steps = np.maximum(1, np.ceil(np.maximum(moved, spin * span) / STEP)).astype(int)

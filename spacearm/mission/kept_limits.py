@@ -159,8 +159,8 @@ def _checked(series: Limited, t: Array) -> LimitCheck:
 
 def _crossing(t: Array, values: Array, allowed: float, i: int) -> float:
     """Return when values exceed a limit that they exceed first at sample i."""
-    if i == 0:
-        return float(t[0])
+    if i == 0 or not np.isfinite(values[i - 1]):
+        return float(t[i])
     share = (allowed - values[i - 1]) / (values[i] - values[i - 1])
     return float(t[i - 1] + max(share, 0.0) * (t[i] - t[i - 1]))
 

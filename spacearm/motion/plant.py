@@ -39,7 +39,8 @@ Motors: TypeAlias = Callable[[float], ArrayLike]
 OUTPUTS = 1000
 #: Most of them, as each takes up to a kilobyte.
 MOST_OUTPUTS = 1_000_000
-#: Share of an interval of the output up to which the last one is not worth a row of its own.
+#: Share that is rounding: of an interval of the output, which is then not worth a row of its own,
+#: and of a largest torque by which a multiple of its step may exceed it.
 ROUNDING = 1e-9
 #: The least `atol` that the integrators take.
 LEAST_TOLERANCE = 1e-30
@@ -130,7 +131,8 @@ class WheelHold(Parameters):
         quantum = self.torque_quantum
         if quantum == 0.0:
             return torque
-        most = math.inf if self.torque == math.inf else math.floor(self.torque / quantum)
+        steps = self.torque / quantum
+        most = math.inf if steps == math.inf else math.floor(steps * (1.0 + ROUNDING))
         return quantum * np.clip(np.round(torque / quantum), -most, most)
 
 

@@ -526,6 +526,7 @@ class Runs:
             given["held"] = held[np.searchsorted(times, t, side="right")]
         seen = Observed(*batch.compute(observe, np.zeros(len(t), np.int64), given))
         base, kept = seen.base, seen.momentum
+        motor_spin = seen.spin + system.plant.wheel_friction * Y[:, at.wheels]
         if system.mode == "fixed":
             base = np.tile(base[0], (len(t), 1))
         impulse, free = Y[:, at.momentum] - Y[0, at.momentum], free_components(system.mode)
@@ -550,7 +551,7 @@ class Runs:
             work=works[:, 0].copy(),
             other_work=works[:, 1:].sum(axis=1),
             exchanged=float(batch.exchanged[0]),
-            motors=motor_loads(system, t, Y[:, at.dq], seen.torque, seen.spin),
+            motors=motor_loads(system, t, Y[:, at.dq], seen.torque, motor_spin),
             events=tuple(self.events[0]),
             ended=self.ended[0],
             called=self.called,

@@ -446,7 +446,7 @@ def motor_loads(
         t: (m,) times [s].
         dq: (m, n) joint rates [rad/s] or [m/s].
         torque: (m, n) joint torques [N m] or [N].
-        wheel_torque: (m, w) torques of the wheels' motors [N m].
+        wheel_torque: (m, w) torques of the wheels' motors [N m], without friction.
     """
     arm, hold = system.arm, system.hold
     found = []

@@ -6,7 +6,7 @@ import pytest
 from helpers.arms import random_base, random_configuration, trees
 from hypothesis import given, settings
 from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicHermiteSpline, PPoly
 
 import spacearm as sa
 from spacearm.mechanics import floating as reaction
@@ -53,6 +53,25 @@ def test_a_motion_with_momentum_agrees_with_an_independent_integration(cfg):
 
     known = solve_ivp(rate, (0, 2), cfg.base.rotation.ravel(), "DOP853", t, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(found.reshape(5, 9), known.y.T, atol=1e-5)
+
+
+def test_a_motion_that_rests_half_way_between_two_times_is_integrated_finely():
+    """Its rates are zero at both ends and in the middle; a finer grid gives the same attitude."""
+    arm = sa.load("chaser7")
+    cfg = random_configuration(arm, 2)
+    rests = np.polynomial.Polynomial([0.0, 2.0, -3.0, 1.0])  # t (t - 1) (t - 2)
+    rng = np.random.default_rng(0)
+    joints = [
+        (rests * (c + np.polynomial.Polynomial([0.0, d]))).integ()
+        for c, d in 4.0 * rng.normal(size=(arm.n, 2))
+    ]
+    c = np.array([np.pad(joint.coef, (0, 6 - len(joint.coef)))[::-1] for joint in joints])
+    c[:, -1] = cfg.q
+    curve = PPoly(c.T[:, None], [0.0, 2.0])
+    end = reaction.attitudes_over_time(cfg, curve, np.array([0.0, 2.0]))[-1]
+    fine = reaction.attitudes_over_time(cfg, curve, np.linspace(0.0, 2.0, 401))[-1]
+    assert np.linalg.norm(pin.log3(cfg.base.rotation.T @ fine)) > 0.01
+    np.testing.assert_allclose(end, fine, atol=1e-5)
 
 
 def test_moving_is_of_fourth_order(monkeypatch):

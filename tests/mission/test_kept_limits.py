@@ -126,3 +126,14 @@ def test_wheels_and_joint_ranges_count():
     assert [check.limit for check in found.exceeded] == [f"torque of wheel {arm.wheels[0].name}"]
     middle = [check for check in found.limits if "middle of its range" in check.limit]
     assert len(middle) == np.isfinite(arm.upper - arm.lower).sum()
+
+
+def test_a_clearance_has_a_time_at_which_it_is_exceeded_first(flight):
+    """It is infinite before, where no singular posture was found."""
+    short = sa.simulate_phases(flight.phases[0][0], [sa.Phase(LAW, 0.1, integration=HOW)])
+    (run,) = short.phases
+    distance = np.full(len(run), np.inf)
+    distance[5:] = 0.2
+    vars(run)["distance"] = distance
+    (check,) = with_checks(short, replace(NONE, clearance=0.5)).limits
+    assert check.exceeded == pytest.approx(run.t[5])

@@ -58,6 +58,14 @@ def test_torques_are_multiples_of_their_step():
     assert len(np.unique(np.round(torque))) > 3
 
 
+@pytest.mark.parametrize(("torque", "quantum", "most"), [(0.3, 0.1, 3), (0.7, 0.1, 7)])
+def test_a_largest_torque_that_is_a_multiple_of_the_step_is_reached(torque, quantum, most):
+    """In floating-point numbers 0.3 / 0.1 is below 3."""
+    hold = replace(HOLD, torque_quantum=quantum, torque=torque)
+    asked = np.array([10.0, -10.0, 0.26])
+    np.testing.assert_allclose(hold.quantised(asked), [most * quantum, -most * quantum, 0.3])
+
+
 @pytest.mark.parametrize("mode", ["free", "over time"])
 def test_friction_slows_a_wheel_exponentially(mode):
     c, h = 0.7, np.array([0.1, -0.2, 0.05])
@@ -69,6 +77,19 @@ def test_friction_slows_a_wheel_exponentially(mode):
     np.testing.assert_allclose(run.wheel_torque, given - c * run.wheels, atol=1e-12)
     assert np.abs(run.momentum - run.momentum[0]).max() < 1e-9
     assert run.imbalance < 1e-7
+
+
+def test_the_load_of_a_motor_does_not_include_friction():
+    """Its law asks for its largest torque at first; the wheel gets less or more than that."""
+    hold = replace(HOLD, stiffness=2000.0, torque=0.01)
+    run = simulated(hold, duration=0.4, wheel_friction=0.5)
+    loads = [load for load in run.motors if load.motor.startswith("wheel")]
+    assert len(loads) == 3
+    motor = np.abs(run.wheel_torque + 0.5 * run.wheels)
+    for load, torque in zip(loads, motor.T, strict=True):
+        assert load.largest == pytest.approx(torque.max(), abs=1e-12)
+    assert max(load.largest for load in loads) == pytest.approx(0.01)
+    assert max(load.share for load in loads) > 0.1
 
 
 @pytest.mark.slow
