@@ -302,10 +302,15 @@ class CountingCommand(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the words of the command."""
         counts = {option for p in self.params if p.type.name.startswith("int") for option in p.opts}
-        words = [
-            whole_number(word) if before in counts else word
-            for before, word in pairwise(["", *args])
-        ]
+        words = list[str]()
+        for before, word in pairwise(["", *args]):
+            option, equals, value = word.partition("=")
+            if before in counts:
+                words.append(whole_number(word))
+            elif option in counts:
+                words.append(f"{option}{equals}{whole_number(value)}")
+            else:
+                words.append(word)
         return super().parse_args(ctx, words)
 
 

@@ -44,12 +44,12 @@ def test_counts_and_spacings_beyond_all_use_are_refused_with_their_bound(words, 
 
 
 def test_a_count_may_be_written_as_a_power_of_ten():
-    once, other = (
-        spacearm("risk", "planar2", "--bins", "2", "--samples", samples, "--json")
-        for samples in ("1e3", "1000")
+    digits, *others = (
+        spacearm("risk", "planar2", "--bins", "2", *samples, "--json")
+        for samples in (("--samples", "1000"), ("--samples", "1e3"), ("--samples=1e3",))
     )
-    assert once.returncode == 0
-    assert once.stdout == other.stdout
+    assert digits.returncode == 0
+    assert [run.stdout for run in others] == [digits.stdout] * 2
 
 
 @pytest.mark.parametrize("seconds", ["x", "1e9", "9" * 30])
