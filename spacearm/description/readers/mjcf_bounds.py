@@ -6,8 +6,10 @@ number of copies, a pipe that stays silent, a file of somebody else.
 
 from __future__ import annotations
 
+import codecs
 import math
 from collections.abc import Collection
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -38,8 +40,9 @@ NUMBERS_PER_VERTEX = 20
 FOLDERS = ("assetdir", "meshdir", "texturedir")
 #: Elements that name further MJCF files, and those whose files are deleted before they are opened.
 PARTS, DELETED = ("include", "model"), ("texture", "hfield", "skin")
-#: Encodings of which MuJoCo, which reads bytes, sees the same elements as a parser of XML.
-ENCODINGS = ("UTF-8", "ASCII", "US-ASCII", "ISO-8859-1", "ISO-8859-15", "WINDOWS-1252")
+#: Encodings of which MuJoCo, which reads bytes, sees the same elements as a parser of XML, by their
+#: names in Python.
+ENCODINGS = ("utf-8", "ascii", "iso8859-1", "iso8859-15", "cp1252")
 
 
 def check_bounds(source: Source, root: etree._Element) -> bool:
@@ -171,7 +174,10 @@ class _Bounds:
         """Refuse a file in whose bytes MuJoCo may see other elements than a parser of XML."""
         stated = etree.ElementTree(root).docinfo.encoding or "UTF-8"
         encoding = (marked_encoding(content) or stated).removesuffix("-sig")
-        if encoding.upper() not in ENCODINGS:
+        known = ""
+        with suppress(LookupError):
+            known = codecs.lookup(encoding).name  # utf8 is UTF-8, latin1 ISO-8859-1
+        if known not in ENCODINGS:
             self._source.fail(f"is encoded as {encoding!r}", "save it as UTF-8")
 
     def _check_numbers(self, element: etree._Element) -> None:
