@@ -559,16 +559,19 @@ def _content(path: Path) -> bytes:
 def _buffers(path: Path, document: dict[str, Any]) -> dict[str, bytes]:
     """Return the files of numbers that a glTF file names, by these names.
 
-    They must lie in the folder of the mesh or in its package, links followed. Nothing else that the
-    mesh names, such as pictures, can be read by its reader, which gets these files alone.
+    They must lie in the folder of the mesh or in its package, links followed. If the mesh is a
+    link, both its own folder and that of its target count. Nothing else that the mesh names, such
+    as pictures, can be read by its reader, which gets these files alone.
 
     Raises:
         ValueError: A buffer is missing, or lies elsewhere.
     """
     found, left = dict[str, bytes](), LARGEST_MESH
-    above = islice(path.parents, LEVELS)
-    package = (folder for folder in above if (folder / "package.xml").is_file())
-    places = [path.parent, *islice(package, 1)]
+    places: list[Path] = []
+    for mesh in dict.fromkeys((path, path.resolve())):  # a link to a mesh, and the mesh itself
+        above = islice(mesh.parents, LEVELS)
+        package = (folder for folder in above if (folder / "package.xml").is_file())
+        places += [mesh.parent, *islice(package, 1)]
     for name in {str(buffer.get("uri", "data:")) for buffer in document.get("buffers", [])}:
         if name.startswith("data:"):
             continue

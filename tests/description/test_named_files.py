@@ -103,6 +103,16 @@ def test_buffers_beside_a_mesh_and_in_its_package_are_read(home):
     assert np.abs(read_mesh(other).vertices).max() == pytest.approx(SECRET)
 
 
+def test_a_mesh_and_its_buffer_may_be_links_to_one_folder(home):
+    """As `colcon build --symlink-install` installs the files of a package."""
+    source = home.parent / "outside"
+    (source / "part.bin").write_bytes(CORNERS)
+    mesh = gltf(source, "part.bin", CORNERS)
+    for file in (mesh, source / "part.bin"):
+        (home / file.name).symlink_to(file)
+    assert np.abs(read_mesh(home / mesh.name).vertices).max() == pytest.approx(SECRET)
+
+
 def test_a_device_or_a_pipe_is_no_buffer(home):
     os.mkfifo(home / "pipe.bin")
     with pytest.raises(sa.ModelError, match=r"pipe\.bin.*a device or a pipe"):
@@ -289,6 +299,15 @@ def test_an_mjcf_that_mujoco_reads_otherwise_is_refused(home, monkeypatch):
     for encoding in ("utf-7", "iso-2022-jp"):
         written = f'<?xml version="1.0" encoding="{encoding}"?><mujoco/>'
         refused(home, "robot.xml", written, encoding)
+
+
+@pytest.mark.parametrize("encoding", ["utf8", "latin1", "cp1252", "iso8859-1"])
+def test_an_mjcf_may_state_its_encoding_by_any_of_its_names(encoding, home):
+    body = "<body><freejoint/><geom size='1'/><body><joint/><geom size='1'/></body></body>"
+    written = f"<mujoco><worldbody>{body}</worldbody></mujoco>"
+    path = home / "robot.xml"
+    path.write_text(f'<?xml version="1.0" encoding="{encoding}"?>{written}')
+    assert sa.load(path).n == 1
 
 
 @pytest.mark.parametrize("way", WAYS)
