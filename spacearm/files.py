@@ -31,6 +31,8 @@ UNFINISHED = re.compile(r"\.[0-9a-f]{32}\.partial")
 BEFORE = "before"
 #: Time that what still writes to a folder may take to end [s].
 ENDING = 10.0
+#: Time between two attempts to remove such a folder [s].
+PAUSE = 0.02
 SILENT = "a device or a pipe; save what it gives as a file"
 
 #: Writes the content of a file to it.
@@ -334,18 +336,25 @@ def aside(folder: Path) -> Iterator[BinaryIO]:
 @contextmanager
 def _kept(file: Path) -> Iterator[Path]:
     """Keep what a file holds under another name in its folder, until it is replaced for good."""
-    kept = file.with_name(f".{token_hex(16)}.partial")
-    try:
+    while True:
+        kept = file.with_name(f".{token_hex(16)}.partial")
         try:
-            os.link(file, kept)
-        except OSError:  # some file systems have no hard links
-            shutil.copy2(file, kept)
-        with kept.open("rb") as opened_file:
-            _locked(opened_file.fileno())
-            yield kept
-    finally:
-        with suppress(OSError):
-            kept.unlink()
+            try:
+                os.link(file, kept)
+            except OSError:  # some file systems have no hard links
+                shutil.copy2(file, kept)
+            try:
+                held = kept.open("rb")
+            except FileNotFoundError:  # another process took it for a leftover
+                continue
+            with held:
+                _locked(held.fileno())
+                if kept.exists():
+                    yield kept
+                    return
+        finally:
+            with suppress(OSError):
+                kept.unlink()
 
 
 def _locked(number: int) -> bool:
@@ -389,7 +398,9 @@ def remove_unlocked(path: Path) -> None:
 def remove_folder(folder: Path) -> None:
     """Remove a folder to which threads or processes that are about to end may still write."""
     end = time.monotonic() + ENDING
+    shutil.rmtree(folder, ignore_errors=True)
     while folder.exists() and time.monotonic() < end:
+        time.sleep(PAUSE)
         shutil.rmtree(folder, ignore_errors=True)
 
 
@@ -459,7 +470,7 @@ def write_folder(path: Path, fill: Callable[[Path], object], mark: str | None) -
             _flush_all(made)
             before = unfinished / BEFORE
             if mark and target.exists():
-                undo.callback(before.rename, target)
+                undo.callback(_put_back, before, target)
                 target.rename(before)
             undo.callback(_rename_own, target, made.stat(), made)
             made.rename(target)
@@ -468,12 +479,33 @@ def write_folder(path: Path, fill: Callable[[Path], object], mark: str | None) -
             with suppress(OSError):  # it remains if the process is killed now
                 if before.exists():
                     before.rename(unfinished / "replaced")
+            remove_folder(before)  # if it could not be renamed
     return path
+
+
+def _put_back(before: Path, target: Path) -> None:
+    """Rename the folder that was to be replaced back, if it has been renamed.
+
+    Raises:
+        SpaceArmError: Another program has put something in its place.
+    """
+    if not before.exists():
+        return
+    try:
+        before.rename(target)
+    except OSError as error:
+        raise SpaceArmError(
+            f"{target} cannot be written: {error.strerror}; what it held is kept in {before}: "
+            "move it where you want it"
+        ) from None
 
 
 @contextmanager
 def _folder_aside(parent: Path) -> Iterator[Path]:
-    """Make a locked folder in another one; it is removed afterwards, with what is in it then."""
+    """Make a locked folder in another one; it is removed afterwards, with what is in it then.
+
+    It stays if it holds a folder that was to be replaced and could not be put back.
+    """
     remove_leftovers(parent)
     while True:
         path = parent / f".{token_hex(16)}.partial"
@@ -487,7 +519,8 @@ def _folder_aside(parent: Path) -> Iterator[Path]:
             finally:
                 os.close(number)
         finally:
-            remove_folder(path)
+            if not (path / BEFORE).exists():
+                remove_folder(path)
 
 
 def _flush_all(folder: Path) -> None:

@@ -316,7 +316,7 @@ def call_within(seconds: float, memory: float, function: Callable[[], T]) -> T:
 
 def _limited(memory: float, function: Callable[[], T]) -> T:
     """Call a function with a limit of the memory [bytes] that it takes."""
-    with suppress(ImportError):  # Windows has no such limits
+    with suppress(ImportError, ValueError):  # Windows has no such limit, macOS may refuse it
         import resource
 
         _, most = resource.getrlimit(resource.RLIMIT_AS)

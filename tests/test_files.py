@@ -323,6 +323,60 @@ def test_a_folder_that_was_being_replaced_when_its_process_was_killed_is_kept(tm
     assert before.exists(), "it is the only copy"
 
 
+def test_a_folder_that_cannot_be_moved_out_of_the_way_is_told_as_such(tmp_path, monkeypatch):
+    write_marked(tmp_path)
+    rename = Path.rename
+
+    def refuse(path, to):
+        if path == tmp_path / "made":
+            raise OSError(errno.EBUSY, "Device or resource busy")
+        return rename(path, to)
+
+    monkeypatch.setattr(Path, "rename", refuse)
+    with pytest.raises(sa.SpaceArmError, match="made cannot be written: Device or resource busy"):
+        write_marked(tmp_path)
+    assert content_of(tmp_path) == {"made/mark": b"new", "made/values": b"new"}
+
+
+def test_a_folder_whose_place_others_take_while_it_is_replaced_is_kept(tmp_path, monkeypatch):
+    target = tmp_path / "made"
+    target.mkdir()
+    (target / "mark").write_bytes(b"old")
+    rename = Path.rename
+
+    def late(path, to):
+        if to == target and not target.exists():
+            target.mkdir()
+            (target / "theirs").write_bytes(b"theirs")
+        return rename(path, to)
+
+    monkeypatch.setattr(Path, "rename", late)
+    with pytest.raises(sa.SpaceArmError, match="made cannot be written") as caught:
+        write_marked(tmp_path)
+    files.write(tmp_path / "other", b"next")  # removes what is left over
+    kept = next(tmp_path.glob(f".*/{files.BEFORE}"))
+    assert str(kept) in str(caught.value)
+    assert content_of(kept) == {"mark": b"old"}
+    assert content_of(target) == {"theirs": b"theirs"}
+
+
+def test_what_another_process_takes_for_a_leftover_is_kept_again(tmp_path, monkeypatch):
+    """It removes the file's second name before it is locked."""
+    (tmp_path / "a").write_bytes(b"old")
+    link, made = os.link, []
+
+    def linked(source, to, **options):
+        link(source, to, **options)
+        if not made:
+            files.remove_leftovers(tmp_path)
+        made.append(Path(to).exists())
+
+    monkeypatch.setattr(os, "link", linked)
+    write_one(tmp_path)
+    assert made == [False, True]
+    assert content_of(tmp_path) == {"a": b"new"}
+
+
 def test_what_others_put_in_the_place_of_a_new_file_stays(tmp_path, monkeypatch):
     """Another program writes the file just before it is taken back."""
 

@@ -64,6 +64,16 @@ def test_the_limit_of_a_reader_is_that_of_the_environment(monkeypatch, text, fou
     assert processes.memory_limit() == found
 
 
+def test_where_the_system_sets_no_limit_a_file_is_read_without_one(monkeypatch):
+    """As macOS, where each process has more address space than the limit."""
+
+    def refuse(*_):
+        raise ValueError("current limit exceeds maximum limit")
+
+    monkeypatch.setattr(resource, "setrlimit", refuse)
+    assert processes._limited(1e9, lambda: "read") == "read"
+
+
 @pytest.mark.parametrize("text", ["0", "-1", "inf", "nan", "1e999", "much", "1 GB"])
 def test_a_limit_that_is_no_number_of_gigabytes_is_refused(monkeypatch, text):
     monkeypatch.setenv("SPACEARM_MEMORY", text)
