@@ -148,13 +148,14 @@ def test_sound_names_stay(name):
     assert files.name_part(name) == name
 
 
-#: Calls of the system by which files are written, besides `open`, `write` and `unlink`.
-CALLS = ("fsync", "link", "replace", "rename", "mkdir", "fchmod")
+#: Calls by which files are written, besides `write` and `unlink`: of `os`, and of `Path`, whose
+#: methods in Python 3.10 do not look for those of `os` when they are called.
+CALLS = {os: ("fsync", "link", "fchmod"), Path: ("open", "replace", "rename", "mkdir")}
 
 
 @contextmanager
 def failing(number, error):
-    """Have one of the calls in `CALLS`, or of Path.open, raise an error, the one with this number.
+    """Have one of the calls in `CALLS` raise an error, the one with this number.
 
     Yields:
         The names of the calls so far.
@@ -171,9 +172,9 @@ def failing(number, error):
         return run
 
     with pytest.MonkeyPatch.context() as patch:
-        for name in CALLS:
-            patch.setattr(os, name, counted(name, getattr(os, name)))
-        patch.setattr(Path, "open", counted("open", Path.open))
+        for owner, names in CALLS.items():
+            for name in names:
+                patch.setattr(owner, name, counted(name, getattr(owner, name)))
         yield made
 
 
@@ -244,9 +245,9 @@ def test_files_are_flushed_before_they_are_renamed_and_folders_afterwards(tmp_pa
     def flushed(number):
         done.append("folder" if stat.S_ISDIR(os.fstat(number).st_mode) else "file")
 
-    replace = os.replace
+    replace = Path.replace
     monkeypatch.setattr(os, "fsync", flushed)
-    monkeypatch.setattr(os, "replace", lambda *args: done.append("renamed") or replace(*args))
+    monkeypatch.setattr(Path, "replace", lambda *args: done.append("renamed") or replace(*args))
     write_two(tmp_path)
     assert done == ["file", "file", "renamed", "renamed", "folder"]
 

@@ -2,8 +2,8 @@
 
 import errno
 import json
-import os
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -178,15 +178,15 @@ def test_the_files_of_phases_are_all_new_or_all_as_they_were(tmp_path, monkeypat
     old = {tmp_path / f"run_{i}.npz": b"old" for i in range(2)}
     for path, content in old.items():
         path.write_bytes(content)
-    replace, made = os.replace, []
+    replace, made = Path.replace, []
 
     def replace_two(*paths):
         made.append(paths)
         if len(made) == 3:
             raise OSError(errno.ENOSPC, "No space left on device")
-        replace(*paths)
+        return replace(*paths)
 
-    monkeypatch.setattr(os, "replace", replace_two)
+    monkeypatch.setattr(Path, "replace", replace_two)
     with pytest.raises(sa.SpaceArmError, match=r"run_2.npz cannot be written: No space left"):
         save_phases(flight, tmp_path / "run.npz")
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == old

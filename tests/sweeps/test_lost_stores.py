@@ -188,7 +188,7 @@ def test_an_error_at_any_point_leaves_a_store_to_go_on_with(small, sound, tmp_pa
 @pytest.mark.usefixtures("here")
 def test_each_file_is_flushed_before_it_is_renamed(small, tmp_path, monkeypatch):
     store, flushed = tmp_path / "s.zarr", set()
-    replace, fsync = os.replace, os.fsync
+    replace, fsync = Path.replace, os.fsync
 
     def remember(number):
         flushed.add(os.fstat(number).st_ino)
@@ -196,11 +196,11 @@ def test_each_file_is_flushed_before_it_is_renamed(small, tmp_path, monkeypatch)
 
     def checked(source, target):
         if store in Path(target).parents:
-            assert Path(source).stat().st_ino in flushed
-        replace(source, target)
+            assert source.stat().st_ino in flushed
+        return replace(source, target)
 
     monkeypatch.setattr(os, "fsync", remember)
-    monkeypatch.setattr(os, "replace", checked)
+    monkeypatch.setattr(Path, "replace", checked)
     sa.sweep(small, store)
     for path in store.rglob("*"):
         assert path.stat().st_ino in flushed, path
