@@ -136,6 +136,10 @@ def export_to_file(
     written: Sequence[Path]
     if c_code is not None and output is not None:
         raise sa.ConfigurationError("--output and --c-code are given; leave one of them out")
+    if c_code is not None and motion is not None:
+        raise sa.ConfigurationError("--c-code is code of the robot; leave out --motion")
+    if c_code is None and servo:
+        raise sa.ConfigurationError("--servo adds the servo to C code; give --c-code FOLDER")
     if c_code is not None:
         try:
             c_code.mkdir(exist_ok=True)

@@ -348,3 +348,22 @@ def test_robots_and_motions_are_exported_by_the_suffix(planned):
     wrong = spacearm("export", "planar2", "-o", "arm.csv", cwd=planned)
     assert wrong.returncode == 2
     assert ".csv" in wrong.stderr
+
+
+@pytest.mark.slow
+def test_an_exported_zarr_store_replaces_an_older_one_and_no_other_folder(planned):
+    pytest.importorskip("zarr")
+    (planned / "notes.zarr").mkdir()
+    for name, code in (("way.zarr", 0), ("way.zarr", 0), ("notes.zarr", 2)):
+        done = spacearm("export", "planar2", "--motion", "plan.npz", "-o", name, cwd=planned)
+        assert done.returncode == code, done.stderr
+
+
+@pytest.mark.parametrize(
+    "words", [("--c-code", "code", "--motion", "plan.npz"), ("-o", "arm.xml", "--servo")]
+)
+def test_options_that_an_export_would_pass_over_are_refused(words, tmp_path):
+    done = spacearm("export", "planar2", *words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "--c-code" in done.stderr
+    assert not [*tmp_path.iterdir()]
