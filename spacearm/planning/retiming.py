@@ -150,7 +150,7 @@ def _curve(knots: Array) -> CubicSpline:
     return CubicSpline(np.append(0.0, np.cumsum(length)), knots)
 
 
-AnyMotion = TypeVar("AnyMotion", bound=Motion)
+AnyMotion = TypeVar("AnyMotion", Motion, Plan)
 
 #: Share of the duration over which torques build up, unless given.
 RISE = 0.1
@@ -192,7 +192,8 @@ def time_optimal(
     each stay within its limits too, at every instant.
 
     Args:
-        motion: The motion, at zero momentum, or held by wheels; a `Plan` remains one.
+        motion: The motion, at zero momentum, or held by wheels; a `Plan` remains one, others become
+            a `Motion`.
         torque: Largest torques [N m] or forces [N], one number or (n,); if None the efforts of the
             description.
         rate: Largest joint rates [rad/s] or [m/s], likewise; if None those of the description, and
@@ -209,9 +210,9 @@ def time_optimal(
 
     Raises:
         ConfigurationError: An argument does not make sense, or the motion stays where it is.
-        UnsupportedError: The plan ends with a twist, or has momentum that no wheels hold, toppra is
-            not installed (pip install 'spacearm[timing]'), or nothing limits the acceleration of a
-            joint.
+        UnsupportedError: The plan ends with a twist, the motion has momentum that no wheels hold,
+            toppra is not installed (pip install 'spacearm[timing]'), or nothing limits the
+            acceleration of a joint.
         NoSolutionError: The smooth path violates what the plan keeps; names it.
 
     Example:
@@ -248,7 +249,7 @@ def _wheels(motion: Motion, hold: WheelHold | None) -> Wheels | None:
     """Return the wheels that hold the attitude of a plan; None if none do.
 
     Raises:
-        UnsupportedError: The plan has momentum that they do not hold.
+        UnsupportedError: The motion has momentum that they do not hold.
         ConfigurationError: Limits are given and no wheels hold the attitude.
         NoSolutionError: A wheel is full at the start.
     """
@@ -257,8 +258,11 @@ def _wheels(motion: Motion, hold: WheelHold | None) -> Wheels | None:
             raise ConfigurationError(
                 "wheels have limits, and none hold the attitude of this motion"
             )
-        if isinstance(motion, Plan) and motion.momentum.any():
-            raise UnsupportedError("the plan has momentum on board, which depends on its times")
+        if motion[0].momentum.any():
+            raise UnsupportedError(
+                f"the {type(motion).__name__} has momentum on board, so that the base depends on "
+                "its times; give a motion at zero momentum"
+            )
         return None
     if motion.momentum[0, :3].any():
         raise UnsupportedError("the system CM moves on, so that the plan depends on its times")
@@ -339,8 +343,10 @@ def _timed(motion: AnyMotion, pieces: list[CubicSpline], along: list[CubicSpline
         t.append(before + times)
         ways.append(path(np.clip(s(times), 0.0, path.x[-1])))
     rows = _walked(motion, np.concatenate(t), np.vstack(ways))
-    held = carried_along(motion[0], len(rows)) if isinstance(motion, Plan) else {}
-    return replace(motion, t=np.concatenate(t), **samples(rows), **held)
+    timed = {"t": np.concatenate(t), **samples(rows)}
+    if isinstance(motion, Plan):
+        return replace(motion, **timed, **carried_along(motion[0], len(rows)))
+    return Motion(motion.arm, **timed, mode=motion.mode)
 
 
 def _walked(motion: Motion, t: Array, q: Array) -> list[Configuration]:

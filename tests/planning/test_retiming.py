@@ -83,6 +83,23 @@ def test_the_motion_ends_where_it_ended(mode):
     np.testing.assert_allclose(fast.q[-1], line.q[-1], atol=1e-12)
 
 
+def test_a_path_that_was_followed_becomes_a_motion_with_its_own_times():
+    """What `follow` found beside the rows, such as rates, is that of the times before."""
+    path = sa.follow(sa.load("planar2").at([0.3, 1.2]), [(1.5, 1.2)])
+    fast = sa.time_optimal(path, torque=20.0, rate=2.0)
+    assert type(fast) is sa.Motion
+    assert fast.t[-1] < path.t[-1]
+    assert fast.dq.shape == fast.q.shape
+    np.testing.assert_allclose(fast.base[-1], path.base[-1], atol=1e-7)
+
+
+def test_a_path_that_was_followed_with_momentum_on_board_is_refused():
+    start = sa.load("planar2").at([0.3, 1.2], momentum=[0, 0, 0, 0, 0, 2.0])
+    path = sa.follow(start, [(1.5, 1.2)], times=[3.0])
+    with pytest.raises(sa.UnsupportedError, match="momentum on board"):
+        sa.time_optimal(path, torque=20.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["planar2", "mda6", "chaser7"])
 def test_plans_are_tracked_to_their_times(name):
