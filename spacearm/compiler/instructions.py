@@ -13,9 +13,6 @@ from dataclasses import dataclass, field
 from functools import cache
 from struct import pack
 
-DECLARE_FMA = "declare {V} @llvm.fma.{S}({V}, {V}, {V})"
-IS_NOT_ZERO = "fcmp une {V} {0}, {zero}"
-
 
 @cache
 def template(text: str, operands: int, width: int) -> str:

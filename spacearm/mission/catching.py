@@ -158,7 +158,7 @@ def catch(
                 enough = one.clearance >= request.proves  # none is known to be better
         waiting = again
     if not found:
-        count = sum(map(len, passes[: max(FINER, len(shares))]))
+        count = sum(map(len, passes))
         raise NoSolutionError(
             f"{start.arm.name} does not catch {target.name} in the window of {window[0]:.4g} to "
             f"{window[1]:.4g} s: {_failures(tried, count, search.timeout if ended else None)}",

@@ -49,7 +49,8 @@ class Reaction(Result):
     """What a motion of the arm does to its spacecraft, in up to three cases.
 
     *Free-floating*: the same joint motion while nothing controls the attitude and the wheels keep
-    the momentum that they hold at the start (`excursion`, `rate`). *Attitude-controlled*: the same
+    the momentum that they hold at the start (`excursion`, `rate`); at zero momentum, wheels
+    included, if the motion itself is not free-floating. *Attitude-controlled*: the same
     joint motion with an ideal control of the attitude (`momentum`, `torque`, `wheels`, `load`). *As
     simulated*: what the motion itself did, if that is neither (`simulated`, `wheel_momentum`,
     `wheel_torque`, `motors`). The first two depend on the joint motion, and on momentum and wheels
@@ -254,8 +255,9 @@ def reaction(
     """Compute what a joint motion does to the spacecraft, free-floating and attitude-controlled.
 
     Free-floating, the base rotates with w_0 = D^-1 (h - h_w - D_q dq), equation (33c) with the
-    momentum h and the wheels' momentum h_w of the start; external wrenches act only where the
-    motion itself is free-floating and was simulated with them. Attitude-controlled, the wheels
+    momentum h and the wheels' momentum h_w of the start, both zero if the motion itself is not
+    free-floating; external wrenches act only where the motion itself is free-floating and was
+    simulated with them. Attitude-controlled, the wheels
     absorb the momentum -D_q dq, besides what is on board; their torque is the derivative of D_q dq,
     which `inverse_dynamics` reports as the reaction. A simulation in which wheels acted is reported
     beside these two, with the loads that were recorded.
