@@ -3,6 +3,7 @@
 import json
 import os
 import warnings
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -387,6 +388,18 @@ def test_a_robot_file_that_is_a_link_names_files_on_both_sides(home):
     packages = Packages(other / "robot.urdf")
     assert packages.mesh("inner/part.stl") == home / "inner" / "part.stl"
     assert packages.mesh("meshes/part.stl") == other / "meshes" / "part.stl"
+
+
+def test_top_folders_and_the_home_folder_are_not_around_a_file_that_a_link_leads_to(
+    tmp_path, monkeypatch
+):
+    """As /tmp on macOS, a link to /private/tmp, and home folders that are links."""
+    assert Packages(Path("/private/tmp/arm/arm.urdf")).around == [Path("/private/tmp/arm")]
+    disk, user = tmp_path / "disk", tmp_path / "user"
+    (disk / "arm").mkdir(parents=True)
+    user.symlink_to(disk)
+    monkeypatch.setattr(Path, "home", lambda: user)
+    assert Packages(user / "arm" / "arm.urdf").around == [user / "arm", disk / "arm"]
 
 
 def test_names_that_no_file_can_have_name_none(home):

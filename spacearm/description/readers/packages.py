@@ -182,9 +182,9 @@ class Packages:
 
 def _above(file: Path) -> Iterator[Path]:
     """Yield the folder of a file and those above, not as far as the home or the top folders."""
-    home = Path.home()
+    homes = Path.home(), Path.home().resolve()
     for level, folder in enumerate(file.parents):
-        if level > LEVELS or (level and (folder == home or _is_top(folder))):
+        if level > LEVELS or (level and (folder in homes or _is_top(folder))):
             return
         yield folder
         if is_there(folder / ".git"):
@@ -192,8 +192,11 @@ def _above(file: Path) -> Iterator[Path]:
 
 
 def _is_top(folder: Path) -> bool:
-    """Whether a folder is the root of the file system or right below it."""
-    return len(folder.parts) <= 2
+    """Whether a folder is the root of the file system or right below it.
+
+    On macOS /tmp, /var and /etc are links to folders right below /private.
+    """
+    return len(folder.parts) <= (3 if folder.parts[1:2] == ("private",) else 2)
 
 
 def _below(place: Path) -> Iterator[Path]:
