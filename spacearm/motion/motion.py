@@ -173,6 +173,8 @@ class Motion(Result):
 
         Through their rates and accelerations too, where these are its own, not differenced.
         """
+        if len(self) == 1:
+            return self.curve
         if not self._has_rates:
             return scipy.interpolate.CubicSpline(self.t, self.q)
         rows = np.stack((self.q, self.dq, self.ddq), axis=1)

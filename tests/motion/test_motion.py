@@ -139,6 +139,17 @@ def test_the_mode_decides_what_is_singular():
         sa.Motion(arm, [0.0], [[0.3, 0.0]], base, mode="adrift")
 
 
+def test_a_motion_of_one_sample_stays_there():
+    arm = sa.load("planar2")
+    motion = sa.Motion(arm, [1.0], [[0.3, 1.2]], [[0, 0, 0, 0, 0, 0, 1]])
+    for t in (0.0, 1.0, 5.0):
+        np.testing.assert_array_equal(motion.spline(t), motion.q[0])
+        np.testing.assert_array_equal(motion.at(t).q, motion.q[0])
+    assert not motion.spline(1.0, 1).any()
+    law = sa.Tracking(motion)
+    np.testing.assert_allclose(law(0.0, arm.at([0.3, 1.2]), np.zeros(2)), 0.0, atol=1e-12)
+
+
 def test_a_motion_of_several_tips_has_no_one_path():
     arm = sa.load("dual_ur5")
     arm = arm.replace(tip=arm.tips if len(arm.tips) > 1 else ("left", "right"))
@@ -305,7 +316,8 @@ def still(_):
         (sa.Reactionless(target=(1.0, 0.5), threshold=0.2),
          {"target": [1.0, 0.5], "mode": "free-floating", "gain": 1.0, "servo": 20.0,
           "damping": 0.1, "threshold": 0.2}),
-        (sa.JointPD((0.1, 0.2), kp=2, kd=4), {"target": [0.1, 0.2], "kp": 2, "kd": 4}),
+        (sa.JointPD((0.1, 0.2), kp=2, kd=4),
+         {"target": [0.1, 0.2], "kp": 2, "kd": 4, "ki": 0.0, "limit": np.inf}),
     ],
 )  # fmt: skip
 def test_controllers_as_plain_data(law, expected):
