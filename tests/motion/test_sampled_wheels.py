@@ -63,7 +63,9 @@ def test_a_largest_torque_that_is_a_multiple_of_the_step_is_reached(torque, quan
     """In floating-point numbers 0.3 / 0.1 is below 3."""
     hold = replace(HOLD, torque_quantum=quantum, torque=torque)
     asked = np.array([10.0, -10.0, 0.26])
-    np.testing.assert_allclose(hold.quantised(asked), [most * quantum, -most * quantum, 0.3])
+    np.testing.assert_allclose(
+        hold.quantised(asked), [most * quantum, -most * quantum, 0.3], rtol=0, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("mode", ["free", "over time"])
