@@ -394,7 +394,8 @@ def _lacking(error: Exception) -> str:
         RuntimeError: It is another one.
     """
     if isinstance(error, MemoryError):
-        return f"there is not enough memory ({error}); ask for less, or raise its limit (ulimit -v)"
+        detail = f" ({error})" if str(error) else ""  # Python's own says nothing
+        return f"there is not enough memory{detail}; ask for less, or raise its limit (ulimit -v)"
     if "new thread" not in str(error):
         raise error
     return NO_THREAD

@@ -6,6 +6,7 @@ import threading
 import pytest
 from helpers.commands import complaints, in_a_process, spacearm
 
+import spacearm as sa
 from spacearm.compiler import machine
 
 START = ("simulate", "planar2", "0.3", "1.2", "--target", "0.9", "1.4", "--duration", "1", "--json")
@@ -85,6 +86,17 @@ def test_a_compiler_that_cannot_be_loaded_is_named_and_not_the_output(monkeypatc
     assert run.returncode == 1
     assert "llvmlite" in run.stderr
     assert "output" not in run.stderr
+
+
+@pytest.mark.parametrize(("error", "said"), [((), "memory; "), (("3 GB",), "memory (3 GB); ")])
+def test_a_lack_of_memory_is_told_with_what_is_known_of_it(error, said, monkeypatch):
+    def full(*_, **__):
+        raise MemoryError(*error)
+
+    monkeypatch.setattr(sa, "singularity", full)
+    run = spacearm("query", "planar2", "0.3", "1.2")
+    assert run.returncode == 1
+    assert f"there is not enough {said}" in run.stderr
 
 
 @pytest.mark.slow

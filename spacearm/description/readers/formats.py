@@ -158,7 +158,7 @@ def _with_colours(source: Source, tree: Tree) -> Tree:
     }
     if of_bytes:
         colours = listed(list(dict.fromkeys(of_bytes)))
-        source.warn(f"colours are taken as from 0 to 255, and those of a file are to 1: {colours}")
+        source.warn(f"colours are read as numbers from 0 to 255; write them from 0 to 1: {colours}")
     if unusable:
         colours = listed(list(dict.fromkeys(unusable)))
         source.warn(f"colours are not from 0 to 1, and are left out: {colours}")
