@@ -26,7 +26,7 @@ from spacearm.arrays import (
     whole,
     within,
 )
-from spacearm.errors import ConfigurationError, NoSolutionError, listed
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
 from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.floating import attitudes_over_time, placed
@@ -34,6 +34,7 @@ from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, task_jac
 from spacearm.model.arguments import FLOATING, HELD
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.wheels import WheelLoad, carried, held_about_any_axis
+from spacearm.motion.flights import Flight
 from spacearm.motion.motion import UNBOUNDED, Motion, Playable, Trajectory
 from spacearm.motion.plant import MotorLoad, jump_notes, motor_notes
 from spacearm.planning.result import Plan
@@ -278,6 +279,7 @@ def reaction(
 
     Raises:
         ConfigurationError: The motion has fewer than two samples, or `camera` is not a direction.
+        UnsupportedError: A body is grasped or released on the way while the attitude is controlled.
 
     Example:
         >>> import spacearm as sa
@@ -328,12 +330,20 @@ def _free_floating(run: Motion) -> Sequence[Configuration]:
     """Return the configurations of the joint motion while nothing controls the attitude.
 
     They are those of the motion itself where it is free-floating and its wheels do not act.
+
+    Raises:
+        UnsupportedError: They are not, and the arm changes on the way.
     """
     first = run[0]
+    if run.mode == FLOATING and not run.wheels_act:
+        return list(run)
+    if isinstance(run, Flight) and any(phase.arm is not run.arm for phase in run.phases):
+        raise UnsupportedError(
+            f"{run.arm.name}: the arm changes on the flight, so that no free-floating motion "
+            "compares with it; give its phases one by one: flight.phases[0]"
+        )
     if run.mode != FLOATING:  # whoever controls the attitude absorbs the momentum on board
         first = run.arm.at(run.q[0], base=first.base)
-    elif not run.wheels_act:
-        return list(run)
     attitudes = attitudes_over_time(first, run.curve, run.t)
     rows = [placed(first, q, T) for q, T in zip(run.q, attitudes, strict=True)]
     return [cfg.with_momentum(first.momentum).with_wheels(first.wheels) for cfg in rows]

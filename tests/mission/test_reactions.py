@@ -209,6 +209,19 @@ def test_a_run_that_wheels_controlled_is_told_from_the_free_floating_case():
     assert not alone.wheel_torque.size
 
 
+def test_a_flight_on_which_a_body_is_grasped_has_no_free_floating_motion_to_compare_with():
+    """The momentum and the arm of its start do not hold afterwards; those of each phase do."""
+    arm = load_text(with_wheels("planar2", np.eye(3)))
+    law, how = sa.JointPD([0.4, 1.1], kp=5.0, kd=9.0), sa.Integration(dt=0.02)
+    body = sa.Grasp(mass=20.0, inertia=np.eye(3), twist=[0, 0, 0, 0, 0, 0.1])
+    hold = sa.Plant(wheels=sa.WheelHold(stiffness=20.0, damping=40.0))
+    phases = [sa.Phase(law, 0.1, then, plant=hold, integration=how) for then in (body, None)]
+    flight = sa.simulate_phases(arm.at([0.3, 1.0]), phases)
+    with pytest.raises(sa.UnsupportedError, match=r"flight\.phases"):
+        sa.reaction(flight)
+    assert sa.reaction(flight.phases[1]).wheel_torque.any()
+
+
 def test_the_loads_of_a_run_that_wheels_controlled_are_those_recorded():
     arm = load_text(with_wheels("planar2", [0, 0, 1], torque=20.0, rate=1e4))
     hold = sa.WheelHold(stiffness=400.0, damping=200.0, torque=0.3, capacity=0.2)
