@@ -21,7 +21,7 @@ from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.motion.controllers import Laws
 from spacearm.motion.events import Event, events_table
 from spacearm.motion.motion import Motion, Trajectory
-from spacearm.motion.plant import Integration, Plant, Sampling
+from spacearm.motion.plant import Integration, MotorLoad, Plant, Sampling
 from spacearm.motion.simulation import simulate
 from spacearm.results import Column, Description, Measure, Table, Tone
 from spacearm.signatures import checked
@@ -114,6 +114,7 @@ class Flight(Trajectory, kw_only=True):
             t=np.concatenate([begin + _rows(runs, i, "t") for i, begin in enumerate(begins)]),
             mode=runs[0].mode,
             exchanged=sum(run.exchanged for run in runs),
+            motors=_motors(runs),
             wrenches=_wrenches(runs),
             events=tuple(events),
             ended=runs[-1].ended,
@@ -308,6 +309,20 @@ class Flight(Trajectory, kw_only=True):
             for check in self.limits
         ]
         return [Table(columns, rows, "Limits")] * bool(rows)
+
+
+def _motors(runs: Sequence[Trajectory]) -> tuple[MotorLoad, ...]:
+    """Return the loads of motors in all phases; a motor whose limit changes has several."""
+    total = sum(float(run.t[-1]) for run in runs)
+    found: dict[tuple[str, float, bool], MotorLoad] = {}
+    for run in runs:
+        part = float(run.t[-1]) / total if total > 0.0 else 0.0
+        for load in run.motors:
+            key = load.motor, load.limit, load.enforced
+            known = found.get(key, load._replace(largest=0.0, share=0.0))
+            largest = max(known.largest, load.largest)
+            found[key] = known._replace(largest=largest, share=known.share + part * load.share)
+    return tuple(found.values())
 
 
 def _turning(cfg: Configuration, dq: Array, mode: BaseMode) -> float:

@@ -171,3 +171,16 @@ def test_a_flight_as_one_motion():
 def test_events_that_end_a_phase_may_be_an_array(stop):
     flight = sa.simulate_phases(ARM.at(Q0), [sa.Phase(COAST, 0.1, stop=stop), sa.Phase(COAST, 0.1)])
     assert len(flight.phases) == (1 if len(stop) else 2)
+
+
+def test_the_motors_of_a_flight_are_those_of_its_phases():
+    """The largest torque of all, and the share of the whole time at the limit."""
+    law, plant = sa.JointPD([0.6, 0.8], kp=200.0, kd=40.0), sa.Plant(limits=True)
+    phases = [sa.Phase(law, duration, plant=plant) for duration in (0.2, 0.6)]
+    flight = sa.simulate_phases(sa.load("planar2").at([0.3, 1.0]), phases)
+    parts = [run.motors for run in flight.phases]
+    assert [load.motor for load in flight.motors] == ["joint_1", "joint_2"]
+    assert flight.motors[0].share > 0.0
+    for load, first, second in zip(flight.motors, *parts, strict=True):
+        assert load.largest == max(first.largest, second.largest)
+        assert load.share == pytest.approx(0.25 * first.share + 0.75 * second.share)
