@@ -50,8 +50,8 @@ class Reaction(Result):
     """What a motion of the arm does to its spacecraft, in up to three cases.
 
     *Free-floating*: the same joint motion while nothing controls the attitude and the wheels keep
-    the momentum that they hold at the start (`excursion`, `rate`); at zero momentum, wheels
-    included, if the motion itself is not free-floating. *Attitude-controlled*: the same
+    the momentum that they hold at the start (`excursion`, `rate`). If the motion itself is not
+    free-floating, system and wheels have no momentum in this case. *Attitude-controlled*: the same
     joint motion with an ideal control of the attitude (`momentum`, `torque`, `wheels`, `load`). *As
     simulated*: what the motion itself did, if that is neither (`simulated`, `wheel_momentum`,
     `wheel_torque`, `motors`). The first two depend on the joint motion, and on momentum and wheels

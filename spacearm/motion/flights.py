@@ -76,8 +76,7 @@ class Flight(Trajectory, kw_only=True):
 
     Its configurations are those of the arm with what it holds at the time. Momentum and energy jump
     where a body is grasped. The first row of a phase is left out: its positions are those of the
-    last row of the phase before. `events` have "grasp", "release" and
-    "limit exceeded" too.
+    last row of the phase before. `events` have "grasp", "release" and "limit exceeded" too.
 
     Attributes:
         phases: The trajectories, each of the arm with what it held then; their times begin at 0.

@@ -42,9 +42,9 @@ class FoundSet(SingularSet):
 
     These are arms with mimic joints, most redundant arms with other tasks than the full pose,
     redundant arms of special build that are not free-floating, and arms whose determinant of J* is
-    lost in rounding. `sample` and `nearest` return what
-    the search finds. `is_free` and `clearance` prove paths free of all singular configurations,
-    found or not. All other methods raise `UnsupportedError`.
+    lost in rounding. `sample` and `nearest` return what the search finds. `is_free` and `clearance`
+    prove paths free of all singular configurations, found or not. All other methods raise
+    `UnsupportedError`.
 
     Attributes:
         arm: The arm.
@@ -130,8 +130,8 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
         same for redundant arms with six rows of the full pose or "x y rz" in the plane, and for
         others whose minors form a triangle, as `Minors.triangle` checks. For other redundant arms,
         for mimic joints, and where masses differ so much that the determinant is lost in rounding,
-        a `FoundSet`: its `sample` and `nearest` return what a search finds;
-        its `is_free` is still a proof.
+        a `FoundSet`: its `sample` and `nearest` return what a search finds; its `is_free` is still
+        a proof.
 
     Raises:
         UnsupportedError: The arm can never do its task.
