@@ -135,6 +135,8 @@ def cases(
             tempfile.tempdir = folder
             warnings.simplefilter("always")
             warnings.simplefilter("ignore", sa.ModelWarning)
+            # Matplotlib draws a box and says which character its font lacks: an emoji in a name
+            warnings.filterwarnings("ignore", "Glyph .* missing from font")
             signal.setitimer(signal.ITIMER_REAL, asked.limit)
             try:
                 TARGETS[target](rng, Path(folder), named)
