@@ -57,6 +57,8 @@ Laws: TypeAlias = (
 MovingGoal: TypeAlias = Goal | Callable[[float], Goal]
 #: Largest rate at which a law takes up rates or errors [1/s]: faster ones take steps too small.
 FASTEST = 1e6
+#: Share of a time that is rounding.
+ROUNDING = 1e-12
 
 
 @checked
@@ -461,17 +463,21 @@ class Tracking(Law):
 
     def wheel_torques(self, t: float) -> Array:
         """Return the torques (w,) that the wheels take up at a time [N m]."""
-        begin, end = self.motion.t[[0, -1]]
         wheels = self.motion.wheel_spline
-        if wheels is None or not begin <= t <= end:
+        inside, moves = self._inside(t)
+        if wheels is None or not moves:
             return np.zeros(len(self.motion.arm.wheels))
-        return np.asarray(wheels(t, 1))
+        return np.asarray(wheels(inside, 1))
+
+    def _inside(self, t: float) -> tuple[float, bool]:
+        """Return the time of the motion nearest to a time, and whether it is that one."""
+        begin, end = self.motion.t[[0, -1]]
+        inside = float(np.clip(t, begin, end))
+        return inside, abs(t - inside) <= ROUNDING * abs(inside)
 
     def wanted(self, t: float) -> tuple[Array, Array, Array]:
         """Return joint positions, rates and accelerations (n,) of the motion at a time."""
-        begin, end = self.motion.t[[0, -1]]
-        inside = float(np.clip(t, begin, end))
-        moves = float(inside == t)
+        inside, moves = self._inside(t)
         q = self.motion.spline
         return q(inside), moves * q(inside, 1), moves * q(inside, 2)
 

@@ -179,3 +179,14 @@ def test_bad_targets(target):
     law = sa.ResolvedRate(target=target)
     with pytest.raises(sa.ConfigurationError, match="2 finite numbers"):
         law.rates(0.0, sa.load("planar2").at([0.1, 0.2]))
+
+
+def test_a_motion_that_ends_at_a_rate_is_tracked_to_its_end_but_for_rounding():
+    """Else the last torque would stop the joints, at the rate of the law."""
+    arm, q = sa.load("planar2"), np.array([[0.3, 1.2], [0.5, 1.0], [0.8, 0.9]])
+    end = np.nextafter(2.0, 0.0)
+    motion = sa.Motion(arm, [0.0, 1.0, end], q, np.tile(np.eye(7)[6], (3, 1)))
+    law, rates = sa.Tracking(motion), motion.spline(end, 1)
+    assert np.abs(rates).min() > 0.05
+    np.testing.assert_allclose(law.wanted(2.0), law.wanted(end), atol=1e-12)
+    np.testing.assert_array_equal(law.wanted(2.001)[1], np.zeros(2))
