@@ -16,7 +16,7 @@ MODULES = sorted(HOUSE.rglob("*.py"))
 FOLDERS = sorted({path.parent for path in MODULES} - {HOUSE})
 NESTED = {"description/readers", "planning/strategies"}
 """Folders in folders: each an idea of its own."""
-MOST_MODULES, MOST_PARAMETERS, MOST_IMPORTS = 220, 12, 0.09
+MOST_PARAMETERS, MOST_IMPORTS = 12, 0.09
 """How many there may be; of imports the share of the lines of code."""
 
 
@@ -48,7 +48,7 @@ def test_a_module_is_one_idea():
         assert len(path.read_text(encoding="utf-8").splitlines()) <= 700, named(path)
 
 
-def test_there_are_few_modules_and_few_imports():
+def test_there_are_few_imports():
     code = imports = 0
     for path in MODULES:
         text = path.read_text(encoding="utf-8")
@@ -57,7 +57,6 @@ def test_there_are_few_modules_and_few_imports():
         counted = {i for i, line in lines if line.strip() and not line.strip().startswith("#")}
         code += len(counted - documented)
         imports += len(counted & imported)
-    assert len([path for path in MODULES if path.name != "__init__.py"]) <= MOST_MODULES
     assert imports <= MOST_IMPORTS * code
 
 
