@@ -147,8 +147,9 @@ def attitudes_over_time(start: Configuration, joints: PPoly, t: Array) -> Array:
     span = np.diff(t)
     within = t[:-1, None] + span[:, None] * np.linspace(0.0, 1.0, RATES)
     moved = np.abs(joints(within, 1)).max(axis=(1, 2)) * span
-    D_start = momenta(arm, start.q[None])[0][0]
-    spin = np.linalg.norm(np.linalg.solve(D_start, start.base.rotation.T @ h - stored))
+    least = np.linalg.eigvalsh(momenta(arm, joints(t[:-1]))[0])[:, 0]
+    size = np.linalg.norm(h) + np.linalg.norm(stored)
+    spin = size / least if size > 0.0 else np.zeros(len(span))  # at least |D^-1 (T^T h - h_w)|
     steps = np.maximum(1, np.ceil(np.maximum(moved, spin * span) / STEP)).astype(int)
     last = np.cumsum(steps)
     intervals = zip(t[:-1], t[1:], steps, strict=True)

@@ -135,24 +135,29 @@ def _positions(arm: SpaceArm, slides: Booleans, q: Array) -> Iterator[Limited]:
     """Yield the joint positions as far as they have limits."""
     for j, name in enumerate(arm.joint_names):
         unit = "m" if slides[j] else "rad"
-        middle = 0.5 * (arm.upper[j] + arm.lower[j])
-        half = 0.5 * (arm.upper[j] - arm.lower[j])
-        if np.isfinite(half):
+        if np.isfinite(arm.upper[j]) and np.isfinite(arm.lower[j]):
+            middle = 0.5 * (arm.upper[j] + arm.lower[j])
+            half = 0.5 * (arm.upper[j] - arm.lower[j])
             yield Limited(
                 f"{name} from the middle of its range", unit, float(half), np.abs(q[:, j] - middle)
             )
+        elif np.isfinite(arm.upper[j]):
+            yield Limited(f"{name} above its upper limit", unit, 0.0, q[:, j] - arm.upper[j])
+        elif np.isfinite(arm.lower[j]):
+            yield Limited(f"{name} below its lower limit", unit, 0.0, arm.lower[j] - q[:, j])
 
 
 def _checked(series: Limited, t: Array) -> LimitCheck:
     """Return the largest value of a quantity at times t (m,), and when its limit is exceeded."""
     sign = -1.0 if series.limit == CLEARANCE else 1.0
     values, allowed = sign * series.values, sign * series.allowed
+    slack = TOLERANCE * (abs(allowed) or 1.0)
     when, peak = _peak(t, values)
-    over = values > allowed + TOLERANCE * abs(allowed)
+    over = values > allowed + slack
     first = None
     if over.any():
         first = _crossing(t, values, allowed, int(over.argmax()))
-    elif peak > allowed + TOLERANCE * abs(allowed):
+    elif peak > allowed + slack:
         first = when
     return LimitCheck(series.limit, sign * peak, series.allowed, series.unit, when, first)
 

@@ -128,6 +128,24 @@ def test_wheels_and_joint_ranges_count():
     assert len(middle) == np.isfinite(arm.upper - arm.lower).sum()
 
 
+@pytest.mark.parametrize("side", ["upper", "lower"])
+def test_a_joint_with_one_limit_is_checked(side):
+    """The law drives joint_2 from 1.0 to about 0.8 rad; the other joint has no limit."""
+    free = np.full(2, np.inf)
+    ends = {"lower": -free, "upper": free.copy()}
+    ends[side] = ends[side].copy()
+    ends[side][1] = 0.95
+    arm = sa.load("planar2").replace(**ends)
+    law = sa.JointPD(target=[0.3, 0.8], kp=20.0, kd=20.0)
+    flight = sa.simulate_phases(arm.at([0.3, 1.0]), [sa.Phase(law, 3.0, integration=HOW)])
+    found = with_checks(flight, replace(NONE, positions=True))
+    (check,) = found.limits
+    off = flight.q[:, 1] - 0.95 if side == "upper" else 0.95 - flight.q[:, 1]
+    assert check.value == pytest.approx(off.max(), abs=1e-4)
+    assert check.limit.startswith(arm.joint_names[1])
+    assert found.exceeded == (check,)
+
+
 def test_a_clearance_has_a_time_at_which_it_is_exceeded_first(flight):
     """It is infinite before, where no singular posture was found."""
     short = sa.simulate_phases(flight.phases[0][0], [sa.Phase(LAW, 0.1, integration=HOW)])
