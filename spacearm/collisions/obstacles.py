@@ -139,7 +139,7 @@ class Moving:
 
     def frames(self, t: float) -> Sequence[pin.SE3]:
         """Return the poses of the joint frames at a time."""
-        return joint_frames(self.motion.at(self.begin + t))
+        return joint_frames(self._recorded.at(self.begin + t))
 
     def moved(self, body: Body, t0: float, t1: float) -> float:
         """Return the way by the spacecraft's motion and by that of the joints."""

@@ -199,7 +199,7 @@ class Floating(SweptMotion):
 
 
 class Recorded(SweptMotion):
-    """A motion as it stands: between its rows the spacecraft goes as `Motion.at` has it."""
+    """The samples of a motion: joints and poses of the base are linear between them."""
 
     def __init__(self, motion: Motion) -> None:
         super().__init__(motion.arm, motion.q, motion.t)
@@ -207,7 +207,19 @@ class Recorded(SweptMotion):
 
     def base(self, u: float) -> pin.SE3:
         """Return the pose of the spacecraft."""
-        return self.motion.at(self.time(u)).base
+        i = min(int(u), max(len(self) - 2, 0))
+        j = min(i + 1, len(self) - 1)
+        return pin.SE3.Interpolate(self._poses[i], self._poses[j], u - i)
+
+    def at(self, t: float) -> Configuration:
+        """Return the configuration at a time; the first or last one outside the motion."""
+        u = float(np.interp(t, self.motion.t, np.arange(len(self))))
+        return self.arm.at(self.joints(u), base=self.base(u))
+
+    @cached_property
+    def _poses(self) -> list[pin.SE3]:
+        """The poses of the spacecraft at the samples."""
+        return [cfg.base for cfg in self.motion]
 
     def swept(self, bodies: Sequence[Body]) -> Array:
         """Return the ways of the spacecraft's frame, of its turn and of the joints, in sum."""
@@ -224,8 +236,7 @@ class Recorded(SweptMotion):
     @cached_property
     def _parts(self) -> tuple[Array, Array, Array, Array]:
         """How far frame and turn of the spacecraft (m - 1,) and joints (m - 1, N) go; `out`."""
-        poses = [cfg.base for cfg in self.motion]
-        origin, turn = np.array([helix(a, b) for a, b in pairwise(poses)]).reshape(-1, 2).T
+        origin, turn = np.array([helix(a, b) for a, b in pairwise(self._poses)]).reshape(-1, 2).T
         full = np.array([self.arm.all_joints(q) for q in self.path])
         return origin, turn, np.abs(np.diff(full, axis=0)), self.out
 

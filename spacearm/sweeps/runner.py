@@ -314,7 +314,7 @@ def sweep(
         >>> with TemporaryDirectory() as folder:
         ...     ds = sa.sweep(study, f"{folder}/out.zarr", workers=1)
         ...     ds["near"].sum(["arm", "block"]).values
-        array([37., 23.])
+        array([37., 22.])
     """
     study = study if isinstance(study, Study) else Study.read(study)
     with closing(run_chunks(study, store, client=client, workers=workers)) as tallies:

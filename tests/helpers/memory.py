@@ -12,10 +12,16 @@ warnings.simplefilter("ignore")
 resource.setrlimit(resource.RLIMIT_AS, ({0}, {0}))
 import spacearm as sa
 """
+#: Prints the largest memory of the process [MB]. On Linux `ru_maxrss` begins with that of the
+#: process that was forked, `VmHWM` does not.
 END = """
 import sys
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-print(peak // 1024 if sys.platform == "linux" else peak // 2**20)
+from pathlib import Path
+if sys.platform == "linux":
+    status = Path("/proc/self/status").read_text().split()
+    print(int(status[status.index("VmHWM:") + 1]) // 1024)
+else:
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 2**20)
 """
 
 

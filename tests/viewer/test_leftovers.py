@@ -121,7 +121,7 @@ def test_of_what_a_signal_ends(place, kind, number):
     command = [sys.executable, "-m", "spacearm", "view", "planar2", *words]
     run = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=lambda: signal.signal(getattr(signal, number), signal.SIG_DFL),
     )  # fmt: skip
     deadline = time.monotonic() + 300
     while not (place / "pids").exists() or len((place / "pids").read_text().split()) < 2:
