@@ -76,7 +76,7 @@ def to_write(param: typer.CallbackParam, path: Path | None) -> Path | None:
     if path is not None:
         kinds = [f".{kind.lower()}" for kind in (param.metavar or "").split("|")]
         require_known("suffix", path.suffix.lower(), kinds, f"{param.opts[0]} {path}: ")
-        if path.suffix.lower() != ".zarr":  # a folder, which may replace one of its kind
+        if path.suffix.lower() != ".zarr" or not path.is_dir():  # a folder may replace its kind
             writable(path)
     return path
 
