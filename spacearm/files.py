@@ -9,6 +9,7 @@ import os
 import re
 import shutil
 import stat
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -402,6 +403,16 @@ def remove_folder(folder: Path) -> None:
     while folder.exists() and time.monotonic() < end:
         time.sleep(PAUSE)
         shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """Make a folder for a while; it goes when what still writes to it has ended."""
+    folder = Path(tempfile.mkdtemp())
+    try:
+        yield folder
+    finally:
+        remove_folder(folder)
 
 
 def flush(file: BinaryIO) -> None:

@@ -531,8 +531,6 @@ def fits(value: object, hint: Hint) -> bool:
 @cache
 def _kind(hint: Hint) -> tuple[tuple[Hint, ...], Any, tuple[Hint, ...]]:
     """Return the members of a union, in some order; of other hints the origin and what is in []."""
-    if isinstance(hint, TypeVar):
-        hint = hint.__bound__ or object
     members = _members(hint)
     return members, get_origin(members[0]) or members[0], get_args(members[0])
 
@@ -579,7 +577,14 @@ def are_numbers(value: object) -> bool:
 
 
 def _members(hint: Hint) -> tuple[Hint, ...]:
-    """Return the members of a union, `npt.ArrayLike` as one; of what is not a union, itself."""
+    """Return the members of a union, `npt.ArrayLike` as one; of what is not a union, itself.
+
+    A type variable counts as its bound, or as the union of the types that it is constrained to.
+    """
+    if isinstance(hint, TypeVar) and hint.__constraints__:
+        return hint.__constraints__
+    if isinstance(hint, TypeVar):
+        hint = hint.__bound__ or object
     origin: Any = get_origin(hint)
     if origin not in (Union, types.UnionType):
         return (types.NoneType if hint is None else hint,)
@@ -593,8 +598,6 @@ def _members(hint: Hint) -> tuple[Hint, ...]:
 
 def _words(hint: Hint) -> str:
     """Say what to give for an annotation."""
-    if isinstance(hint, TypeVar):
-        hint = hint.__bound__ or object
     members = [m for m in _members(hint) if m is not types.NoneType]
     if len(members) > 1:
         words = list[str]()

@@ -6,7 +6,8 @@ import os
 import stat
 import subprocess
 import sys
-from contextlib import contextmanager
+import threading
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -391,3 +392,22 @@ def test_what_others_put_in_the_place_of_a_new_file_stays(tmp_path, monkeypatch)
     with pytest.raises(sa.SpaceArmError, match="a cannot be written: Input/output error"):
         write_one(tmp_path)
     assert content_of(tmp_path) == {"a": b"theirs"}
+
+
+def test_a_temporary_folder_goes_while_a_thread_still_writes_to_it():
+    """As those of Zarr do when one of them has failed."""
+    over = threading.Event()
+
+    def fill(folder):
+        for number in itertools.count():
+            if over.is_set():
+                break
+            with suppress(FileNotFoundError):
+                (folder / str(number)).write_bytes(b"")
+
+    with files.temporary_folder() as folder:
+        writer = threading.Thread(target=fill, args=(folder,))
+        writer.start()
+        threading.Timer(0.2, over.set).start()
+    writer.join()
+    assert not folder.exists()

@@ -10,7 +10,6 @@ import itertools
 import math
 import os
 import queue
-import tempfile
 import threading
 import time
 from collections import Counter
@@ -18,12 +17,12 @@ from collections.abc import Callable, Collection, Generator, Iterator
 from concurrent.futures import Future
 from contextlib import closing, suppress
 from functools import lru_cache, partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from spacearm.arrays import MOST_THREADS, whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import SpaceArmError, StoreError, SweepError, imported, listed
+from spacearm.files import temporary_folder
 from spacearm.processes import Process, Threads, WorkerLostError
 from spacearm.signatures import checked
 from spacearm.sweeps.store import DONE, FAILED, Store, dataset
@@ -399,8 +398,8 @@ def estimate(study: Study) -> list[Estimate]:
     Of each quantity a chunk in the middle is computed and thrown away.
     """
     estimates = []
-    with tempfile.TemporaryDirectory() as folder:
-        store = Store.create(Path(folder) / "estimate.zarr", study)
+    with temporary_folder() as folder:
+        store = Store.create(folder / "estimate.zarr", study)
         for name, quantity in study.quantities.items():
             chunk = Chunk(name, study.count(name) // 2)
             seconds = []

@@ -14,7 +14,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import tempfile
 import warnings
 import zlib
 from collections.abc import Iterator, Mapping
@@ -27,7 +26,14 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.errors import SpaceArmError, StoreError, imported, shortened
-from spacearm.files import read, remove_leftovers, remove_unlocked, write, write_folder
+from spacearm.files import (
+    read,
+    remove_leftovers,
+    remove_unlocked,
+    temporary_folder,
+    write,
+    write_folder,
+)
 from spacearm.sweeps.study import Chunk, Study
 from spacearm.sweeps.toml import meaning
 
@@ -293,13 +299,13 @@ def compare(path: Path, study: Study) -> None:
                 f"{path} is the store of another sweep: its {key} has {was!r} where this one has "
                 f"{now!r}; {remedy}"
             )
-    with tempfile.TemporaryDirectory() as folder:
-        lay_out(Path(folder), study)
-        own = {member.name for member in Path(folder).iterdir()}
+    with temporary_folder() as folder:
+        lay_out(folder, study)
+        own = {member.name for member in folder.iterdir()}
         for member in path.iterdir():
             if member.name not in own and (member / "zarr.json").exists():
                 raise StoreError(f"{member} is none of this study's arrays; take it elsewhere")
-        for ours in (p for p in Path(folder).rglob("*") if p.is_file()):
+        for ours in (p for p in folder.rglob("*") if p.is_file()):
             _restore(path, ours.relative_to(folder).as_posix(), ours.read_bytes(), remedy)
 
 

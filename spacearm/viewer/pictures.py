@@ -11,7 +11,6 @@ import secrets
 import shutil
 import signal
 import subprocess
-import tempfile
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -23,7 +22,7 @@ import numpy as np
 
 from spacearm.compiler.machine import processors
 from spacearm.errors import SpaceArmError, imported
-from spacearm.files import remove_folder
+from spacearm.files import temporary_folder
 from spacearm.model.arm import Configuration
 from spacearm.viewer.layers import LAYERS
 from spacearm.viewer.shapes import Y_TO_Z, DrawnShape, link_poses
@@ -65,7 +64,7 @@ def render(page: str, size: tuple[int, int], scale: int) -> bytes:
     Raises:
         SpaceArmError: No browser is found, or it draws nothing in `RENDERING`.
     """
-    with _temporary_folder() as folder:
+    with temporary_folder() as folder:
         picture = folder / "scene.png"
         options = (f"--screenshot={picture}", f"--force-device-scale-factor={scale}")
         command = _command(page, "picture", size, options, folder)
@@ -111,7 +110,7 @@ def _drawing(page: str, size: tuple[int, int], times: Sequence[float]) -> Iterat
     """Have one browser draw the motion at some times [s], as long as it is waited for."""
     wanted = f"frames={size[0]},{size[1]},{','.join(map(repr, times))}"
     options = ("--dump-dom", "--enable-logging=stderr")
-    with _temporary_folder() as folder:
+    with temporary_folder() as folder:
         command = _command(page, wanted, size, options, folder)
         with _running(command, folder) as browser:
             assert browser.stderr is not None
@@ -148,16 +147,6 @@ def _kill(browser: subprocess.Popen[bytes]) -> None:
     """Kill a browser with the processes that it has started."""
     with suppress(ProcessLookupError, PermissionError):  # all have ended
         os.killpg(browser.pid, signal.SIGKILL)
-
-
-@contextmanager
-def _temporary_folder() -> Iterator[Path]:
-    """Make a folder, and remove it when the processes that write to it have been killed."""
-    folder = Path(tempfile.mkdtemp())
-    try:
-        yield folder
-    finally:
-        remove_folder(folder)
 
 
 def _joined(lines: Iterable[bytes]) -> Iterator[bytes]:

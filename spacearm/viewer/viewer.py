@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import tempfile
 import threading
 import webbrowser
 import zipfile
@@ -20,7 +19,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, ArrayLike, positive
 from spacearm.collisions.obstacles import ObstacleLike, obstacles_of
 from spacearm.errors import ConfigurationError, require_known
-from spacearm.files import name_part, write_by
+from spacearm.files import name_part, temporary_folder, write_by
 from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.mission.catch_report import Catch
 from spacearm.model.arm import Configuration
@@ -443,8 +442,8 @@ class Viewer:
     def _change_arm(self, message: dict[str, Any]) -> None:
         """Show the arm that the page asks for, in the present posture if it has the same joints."""
         before = self.session
-        with tempfile.TemporaryDirectory() as folder:
-            arm, origin, said = chosen(before.cfg, before.origin, message, Path(folder))
+        with temporary_folder() as folder:
+            arm, origin, said = chosen(before.cfg, before.origin, message, folder)
             arm.require_one_tip()
             same = arm.joint_names == before.arm.joint_names
             q = before.cfg.q if same else opening_posture(arm)

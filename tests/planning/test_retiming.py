@@ -157,6 +157,15 @@ def test_what_makes_no_sense_is_refused():
         sa.time_optimal(still, torque=1.0)
 
 
+@pytest.mark.parametrize("motion", [1.0, "q1", [], [0.1, 0.2], np.zeros((2, 2)), {}])
+def test_what_is_no_motion_is_named(motion):
+    """Its type is a variable that stands for `Motion` or `Plan`."""
+    with pytest.raises(
+        sa.ConfigurationError, match=r"time_optimal: motion is [\s\S]*give a motion"
+    ):
+        sa.time_optimal(motion)
+
+
 def test_an_arm_without_efforts_needs_a_limit():
     text = pathlib.Path("models/planar2.urdf").read_text().replace('effort="50"', 'effort="0"')
     arm = load_text(text)
