@@ -21,7 +21,7 @@ sets         singular_set singular_map singularity_polynomial free_box free_boxe
 workspaces   workspace risk_profile pose_risk design Workspace Region RiskProfile PoseRisk
 motion       simulate simulate_many simulate_phases follow move JointPD TransposedJacobian
              ResolvedRate DampedLeastSquares Reactionless Plant Sampling Integration PassiveJoint
-             WheelHold Phase Grasp Release Motion Trajectory Followed Flight Event
+             WheelHold WheelFriction Phase Grasp Release Motion Trajectory Followed Flight Event
 servo        Servo ServoStep ServoControl Watched
 planning     plan detumble connected time_optimal Tracking collision_check Joints Constraints
              Search Plan Attempt Connection Obstacle CollisionReport

@@ -106,6 +106,7 @@ from spacearm.motion.plant import Integration as Integration
 from spacearm.motion.plant import PassiveJoint as PassiveJoint
 from spacearm.motion.plant import Plant as Plant
 from spacearm.motion.plant import Sampling as Sampling
+from spacearm.motion.plant import WheelFriction as WheelFriction
 from spacearm.motion.plant import WheelHold as WheelHold
 from spacearm.motion.simulation import simulate as simulate
 from spacearm.motion.simulation import simulate_many as simulate_many

@@ -211,6 +211,7 @@ RESULTS = {
     "Integration": lambda: sa.Integration(rtol=1e-6, events=("target",)),
     "Sampling": lambda: sa.Sampling(period=0.1, delay=0.02, rate_noise=[0.1, 0.2]),
     "PassiveJoint": lambda: sa.PassiveJoint(damping=0.1),
+    "WheelFriction": lambda: sa.WheelFriction(viscous=1e-3, dry=1e-3),
     "TrigPolynomial": lambda: sa.singularity_polynomial(arm()),
     "Target": lambda: sa.Target(sa.Bus(9.0, size=(1, 1, 1)), grapples={"ring": sa.pose()}),
     "UncertainArm": lambda: unsure(),
@@ -286,7 +287,8 @@ GIVEN = {"CaptureEnvelope", "TargetErrors",
     "Bus", "Constraints", "DampedLeastSquares", "GeneralizedJacobianTask", "Grasp", "Integration",
     "JointPD", "Joints", "MomentumConservation", "Obstacle", "PassiveJoint", "Phase", "Plant",
     "Reactionless", "Release", "ResolvedRate", "Sampling", "Search", "Servo", "ServoControl",
-    "SingularityBarrier", "Study", "Task", "Tracking", "TransposedJacobian", "WheelHold",
+    "SingularityBarrier", "Study", "Task", "Tracking", "TransposedJacobian", "WheelFriction",
+    "WheelHold",
 }  # fmt: skip
 ROWS = {"ArmInfo", "Attempt", "Configuration", "Event", "ModelInfo"}
 """What a caller gives, and what stands in the tables of others, has no description of its own."""

@@ -266,7 +266,7 @@ class Simulation:
                 "and limits of the plant only"
             )
         sampled = isinstance(plant.wheels, WheelHold) and plant.wheels.sampled
-        if sampled or plant.wheel_friction:
+        if sampled or plant.friction_of_wheels.acts:
             raise errors.UnsupportedError(
                 "wheels that are sampled or have friction are not simulated with a held target; "
                 "leave sampled and wheel_friction out"
@@ -355,6 +355,7 @@ class Simulation:
             impulse=np.zeros((m, 6)),
             wheels=states[:, 2 * n + 16 :].copy(),
             wheel_torque=np.array([taken_up for taken_up, _ in acting]),
+            wheel_friction=np.zeros((m, len(arm.wheels))),
             energy=np.array([0.5 * v @ dynamics.mass_matrix(cfg) @ v for cfg, v in pairs]),
             work=states[:, 2 * n + 13].copy(),
             other_work=states[:, 2 * n + 14].copy(),

@@ -67,7 +67,7 @@ class Setup(NamedTuple):
         wheels: The body that carries each wheel.
         holds: Whether the wheels hold the attitude.
         sampled: Whether their law acts at control instants; their torques are then held, too.
-        drag: Whether friction slows the wheels.
+        drag: Whether friction slows the wheels; its numbers are those of `wheel_friction`.
         motors: Where the torques of the wheels over time come from, else.
         pushed: What is pushed.
         passive: Whether joints have springs or friction.
@@ -97,7 +97,7 @@ class Setup(NamedTuple):
             ("axes", (w, 3)),
             *((("spread", (w, 3)), ("torque", (w,)), ("capacity", (w,)), ("hold", (2,)),
                ("level", (3, 3))) if self.holds else ()),
-            *((("drag", ()),) if self.drag else ()),
+            *((("drag", (3,)),) if self.drag else ()),
             ("places", (p, 3)), ("turns", (p, 3, 3)), ("wrenches", (p, 6)),
             ("bounds", (len(self.events),)),
         )  # fmt: skip
@@ -345,7 +345,7 @@ def _loads(xp: Any, now: State, wheels: Any, pushes: Any, spin: Any = ()) -> Loa
 
 
 def _motors(xp: Any, now: State, setup: Setup, calls: Calls, nu: Any, held: Any) -> list[Any]:
-    """Compute the torque that each wheel takes up, that of friction included [N m].
+    """Compute the rate of what each wheel holds: torque of its motor and friction [N m].
 
     Wheels that hold turn the spacecraft by -K phi - C w_0, phi the rotation vector from its
     attitude at the start. A wheel that holds all that it can takes no more.
@@ -360,7 +360,20 @@ def _motors(xp: Any, now: State, setup: Setup, calls: Calls, nu: Any, held: Any)
         spin = [*held_attitude(xp, now, nu[0, 3:])]
     if not setup.drag:
         return spin
-    return [one - now.given["drag"] * now.wheels[i] for i, one in enumerate(spin)]
+    friction = wheel_friction(xp, now.wheels, now.given["drag"])
+    return [one + friction[i] for i, one in enumerate(spin)]
+
+
+def wheel_friction(xp: Any, momentum: Any, drag: Any) -> Any:
+    """Compute the torques (w,) of friction on wheels [N m], which slow them.
+
+    Args:
+        xp: The array library.
+        momentum: (w,) what each wheel holds [N m s].
+        drag: (3,) rate of viscous friction [1/s], dry friction [N m], and the momentum below which
+            dry friction falls [N m s].
+    """
+    return -(drag[0] * momentum + drag[1] * xp.tanh(momentum / drag[2]))
 
 
 def held_attitude(xp: Any, now: State, spin: Any) -> Any:
@@ -442,7 +455,7 @@ class Observed(NamedTuple):
     Attributes:
         torque: (n,) torques [N m].
         ddq: (n,) accelerations of the joints.
-        spin: (w,) torques of the motors of the wheels [N m].
+        spin: (w,) rates of what the wheels hold [N m].
         base: (7,) pose of the spacecraft: position and quaternion.
         momentum: (6,) [linear; angular about the system CM].
         brought: (6,) of it what the joints bring alone.

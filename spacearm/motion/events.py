@@ -16,7 +16,10 @@ from spacearm.motion.goal import steady
 from spacearm.results import Column, Table, joint_measures
 from spacearm.singularities.nearest import nearest_locally
 
+#: What a simulation looks for.
 EVENTS = ("singularity", "joint limit", "target", "wheel full")
+#: All kinds of `Event`.
+EVENT_KINDS = (*EVENTS, "grasp", "release", "limit exceeded", "arrived")
 #: Largest joint motion [rad] or [m] between two evaluations of the event functions.
 LOOK = 0.05
 #: Arms without a singularity polynomial meet a singularity this far from the singular set [rad].
@@ -36,7 +39,12 @@ class Event(NamedTuple):
 
     Attributes:
         t: When [s].
-        kind: "singularity", "joint limit", "target" or "wheel full".
+        kind: One of `EVENT_KINDS`. "singularity": a singular posture is met. "joint limit": a joint
+            reaches an end of its range. "target": a controller's error falls to `reach`. "wheel
+            full": a wheel holds as much as the law allows. "grasp": a body is grasped; in
+            `Held.simulate`, a grasp bears its largest load. "release": a body is released. "limit
+            exceeded": a simulated catch exceeds a limit that was planned with. "arrived": the end
+            of a path is reached.
         q: (n,) joint positions then.
         detail: More about it: the name of the joint, or the measure and its value.
         nearest: (n,) the singular configuration nearest to q, at a singularity of a redundant arm

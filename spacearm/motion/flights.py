@@ -106,7 +106,18 @@ class Flight(Trajectory, kw_only=True):
         bodies: Sequence[Grasp | None],
     ) -> Flight:
         """Join the runs of all phases."""
-        known = ["q", "base", "dq", "ddq", "torque", "momentum", "wheels", "wheel_torque", "energy"]
+        known = [
+            "q",
+            "base",
+            "dq",
+            "ddq",
+            "torque",
+            "momentum",
+            "wheels",
+            "wheel_torque",
+            "wheel_friction",
+            "energy",
+        ]
         values: dict[str, Any] = {name: _joined(runs, name) for name in (*known, *SUMS)}
         return cls(
             arm=runs[0].arm,
@@ -338,7 +349,7 @@ def _borne(run: Trajectory, body: Grasp | None) -> Array:
     for row in range(len(run)):
         cfg = run[row]
         pushed = {link: wrench[row] for link, wrench in run.wrenches.items()}
-        motors = cfg.with_wheels(run.wheel_torque[row]).stored
+        motors = cfg.with_wheels(run.wheel_momentum_rate[row]).stored
         pushed[root] = pushed.get(root, np.zeros(6)) - motors
         found[row] = held_loads(cfg, run.dq[row], run.ddq[row], body, run.mode, pushed)[1]
     return found
@@ -462,19 +473,13 @@ def load_peaks(
         body: The body in the hand.
         check_time: Called now and then; raises once the time is up.
     """
-    arm, start, way, mode = motion.arm, motion[0], motion.spline, motion.mode
-    turning = mode == FLOATING and start.momentum.any() and len(motion) > 1
-    spun = Rotation.from_quat(motion.base[:, 3:])
-    turns = RotationSpline(motion.t, spun) if turning else None
-    steady = start.base.rotation
+    arm, way, mode = motion.arm, motion.spline, motion.mode
+    at = flown_configurations(motion, arm)
 
     def loads(t: float) -> Array:
         if check_time is not None:
             check_time()
-        R = steady if turns is None else turns(t).as_matrix()
-        cfg = kinematics(arm, way(t), pin.SE3(R, np.zeros(3)))
-        cfg = cfg.with_momentum(start.momentum) if start.momentum.any() else cfg
-        cfg = cfg.with_wheels(start.wheels) if start.wheels.any() else cfg
+        cfg = at(t)
         if body is None:
             tau = dynamics.inverse_dynamics(cfg, way(t, 1), way(t, 2), mode=mode).tau
             return np.append(tau, (0.0, 0.0))
@@ -484,8 +489,8 @@ def load_peaks(
     def values(t: Array) -> Array:
         return np.array([loads(one) for one in t.tolist()])
 
-    on_board = OnBoard.of(start)
-    held = None if body is None else _load_of(arm, body)
+    on_board = OnBoard.of(motion[0])
+    held = None if body is None else body_load(arm, body)
 
     def bends(begin: Array, width: Array) -> Array:
         return load_bends(arm, mode, way, begin, width, on_board, held)
@@ -493,7 +498,32 @@ def load_peaks(
     return bounded_peaks(values, bends, motion.t)
 
 
-def _load_of(arm: SpaceArm, body: Grasp) -> BodyLoad:
+def flown_configurations(motion: Motion, arm: SpaceArm) -> Callable[[float], Configuration]:
+    """Return the configurations of an arm over time where `sa.Tracking` flies a motion.
+
+    The attitudes between samples count with momentum on board only: those of a spline. The
+    spacecraft is at the origin.
+
+    Args:
+        motion: The motion.
+        arm: Its arm, or that arm with other tips.
+    """
+    start, way = motion[0], motion.spline
+    turning = motion.mode == FLOATING and start.momentum.any() and len(motion) > 1
+    spun = Rotation.from_quat(motion.base[:, 3:])
+    turns = RotationSpline(motion.t, spun) if turning else None
+    steady = start.base.rotation
+
+    def at(t: float) -> Configuration:
+        R = steady if turns is None else turns(t).as_matrix()
+        cfg = kinematics(arm, way(t), pin.SE3(R, np.zeros(3)))
+        cfg = cfg.with_momentum(start.momentum) if start.momentum.any() else cfg
+        return cfg.with_wheels(start.wheels) if start.wheels.any() else cfg
+
+    return at
+
+
+def body_load(arm: SpaceArm, body: Grasp) -> BodyLoad:
     """Return a body in the hand as `load_bends` takes it."""
     tip = arm.model.frames[arm.tip_frame]
     inertia = 0.0 if body.inertia is None else float(np.linalg.norm(np.asarray(body.inertia), 2))

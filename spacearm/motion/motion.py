@@ -49,7 +49,6 @@ from spacearm.singularities.sets import prove_regular
 if TYPE_CHECKING:
     import xarray as xr
 
-
 #: What is said of the loads of a motion that ends so.
 UNBOUNDED = (
     "no bound: the tip is led at a constant speed to where the task Jacobian is singular, and "
@@ -543,8 +542,7 @@ class Drifting(Motion, kw_only=True):
 
 
 def _pose(row: Array) -> pin.SE3:
-    x, y, z, *quaternion = row
-    return pin.SE3(pin.Quaternion(np.array(quaternion)).normalized(), np.array([x, y, z]))
+    return pin.SE3(pin.Quaternion(row[3:]).normalized(), row[:3])
 
 
 class Trajectory(Motion, kw_only=True):
@@ -559,7 +557,8 @@ class Trajectory(Motion, kw_only=True):
         wrenches: (m, 6) [force [N]; torque [N m]] on each link that wrenches or thrusters push, by
             its name: at the origin of its frame, inertial axes.
         wheels: (m, w) what each wheel holds [N m s].
-        wheel_torque: (m, w) the torque of each wheel's motor, the rate of what it holds [N m].
+        wheel_torque: (m, w) torque of each wheel's motor, to which limits of wheels apply [N m].
+        wheel_friction: (m, w) torque of friction on each wheel, opposite to what it holds [N m].
         energy: (m,) kinetic energy without the spin of wheels [J].
         work: (m,) work of the torques since the start [J].
         other_work: (m,) work of springs, friction, wrenches and the wheels' motors since the start,
@@ -579,6 +578,7 @@ class Trajectory(Motion, kw_only=True):
     wrenches: Mapping[str, Array] = field(default_factory=dict)
     wheels: Array
     wheel_torque: Array
+    wheel_friction: Array
     energy: Array
     work: Array
     other_work: Array
@@ -596,6 +596,7 @@ class Trajectory(Motion, kw_only=True):
         "impulse": Quantity("kg m/s, kg m^2/s", "component"),
         "wheels": Quantity("N m s", "wheel"),
         "wheel_torque": Quantity("N m", "wheel"),
+        "wheel_friction": Quantity("N m", "wheel"),
         "energy": Quantity("J"),
         "work": Quantity("J"),
         "other_work": Quantity("J"),
@@ -641,14 +642,18 @@ class Trajectory(Motion, kw_only=True):
         if not self.wrenches:
             return data
         values = np.stack([*self.wrenches.values()], axis=1)
-        units = {"units": "N, N m"}
         data = data.assign_coords(link=[*self.wrenches])
-        return data.assign(wrenches=(("t", "link", "component"), values, units))
+        return data.assign(wrenches=(("t", "link", "component"), values, {"units": "N, N m"}))
 
     @property
     def wheels_act(self) -> bool:
         """Whether wheels change what they hold."""
-        return bool(self.wheel_torque.any())
+        return bool(self.wheel_momentum_rate.any())
+
+    @property
+    def wheel_momentum_rate(self) -> Array:
+        """(m, w) rate of what each wheel holds [N m]: torque of its motor and friction."""
+        return self.wheel_torque + self.wheel_friction
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, with the balances of both audits."""

@@ -31,7 +31,7 @@ from spacearm.signatures import checked, shown
 
 #: (6,) [force [N]; torque [N m]], or a function of time [s] that gives it.
 Wrench: TypeAlias = ArrayLike | Callable[[float], ArrayLike]
-#: A function of time [s] that gives the torque of each wheel (w,), which it takes up [N m].
+#: A function of time [s] that gives the torque of each wheel's motor (w,) [N m].
 Motors: TypeAlias = Callable[[float], ArrayLike]
 
 
@@ -99,7 +99,7 @@ class WheelHold(Parameters):
     Attributes:
         stiffness: K [N m/rad].
         damping: C [N m s/rad].
-        torque: Largest torque of a wheel's motor [N m].
+        torque: Largest torque of a wheel's motor [N m], friction of its bearings included.
         capacity: Largest momentum that a wheel holds [N m s].
         sampled: Whether a simulation computes the law at the control instants of its `sampling`,
             from the measured attitude and angular velocity, and holds the torques in between. If
@@ -138,21 +138,61 @@ class WheelHold(Parameters):
 
 @checked
 @dataclass(frozen=True, kw_only=True)
+class WheelFriction(Parameters):
+    """Friction in the bearings of a wheel: viscous, and dry (Coulomb), smooth about rest.
+
+    A wheel that holds the momentum h is slowed by the torque viscous h + dry tanh(h / slip). The
+    link that carries the wheel gets the opposite torque. The momentum h is that of the rotation
+    relative to this link. The drag of reaction wheels is modelled as viscous and Coulomb friction
+    (Markley and Crassidis, Fundamentals of Spacecraft Attitude Determination and Control (2014),
+    section 4.8, DOI 10.1007/978-1-4939-0802-8). The hyperbolic tangent makes the dry part smooth
+    (Andersson et al., Tribol. Int. 40, 580-587 (2007), DOI 10.1016/j.triboint.2005.11.014).
+
+    Attributes:
+        viscous: Coefficient of viscous friction [N m s/rad] over the moment of inertia of the wheel
+            [1/s].
+        dry: Torque of dry friction [N m].
+        slip: Momentum below which dry friction falls [N m s]; small values take small steps.
+    """
+
+    viscous: float = 0.0
+    dry: float = 0.0
+    slip: float = 1e-3
+
+    def __post_init__(self) -> None:
+        within(self.viscous, "viscous of the wheel friction", 0.0, LARGEST, "a rate [1/s]")
+        within(self.dry, "dry of the wheel friction", 0.0, LARGEST, "a torque [N m]")
+        positive(self.slip, "slip of the wheel friction", "momentum [N m s]")
+
+    @property
+    def acts(self) -> bool:
+        """Whether there is friction at all."""
+        return self.viscous > 0.0 or self.dry > 0.0
+
+    @property
+    def numbers(self) -> Array:
+        """(3,) the values as `equations.plant.wheel_friction` takes them."""
+        return np.array([self.viscous, self.dry, self.slip])
+
+
+@checked
+@dataclass(frozen=True, kw_only=True)
 class Plant(Parameters):
     """What acts on a simulated arm besides its controller.
 
     Attributes:
         wheels: The law by which the wheels hold the attitude, or a function of time that gives the
-            torque of each (w,) [N m], the rate of the momentum that it holds. If None they keep
-            what they hold.
+            torque of each motor (w,) [N m]. Without friction it is the rate of the momentum that
+            the wheel holds. If None the motors are off.
         wrenches: Wrenches (6,) [force [N]; torque [N m]] on links by name, at the origin of the
             link's frame along inertial axes, or functions of time that give them.
         thrusters: The same along the axes of the link.
         passive: Springs, damping and friction of joints by name; such a joint may have torques too;
             "described" takes damping and dry friction of the robot's file (URDF, MJCF).
-        wheel_friction: Rate at which viscous friction slows each wheel [1/s]: the coefficient of
-            friction [N m s/rad] over the moment of inertia of the wheel. What the wheel loses goes
-            to the link that carries it. The wheel torques of a trajectory include it.
+        wheel_friction: Friction in the bearings of each wheel: `WheelFriction(...)`, or one number,
+            the rate of viscous friction [1/s]. What the wheel loses goes to the link that carries
+            it. Limits of a wheel's torque are limits of its motor: the motor accelerates the wheel
+            and overcomes friction.
         limits: Whether the motors keep the limits of the description: torques are cut to the
             largest effort, and the torque that drives a joint falls to zero between 90 % and 100 %
             of its largest velocity.
@@ -163,10 +203,11 @@ class Plant(Parameters):
     thrusters: Mapping[str, Wrench] = field(default_factory=dict)
     passive: Mapping[str, PassiveJoint] | Literal["described"] = field(default_factory=dict)
     limits: bool = False
-    wheel_friction: float = 0.0
+    wheel_friction: float | WheelFriction = 0.0
 
     def __post_init__(self) -> None:
-        within(self.wheel_friction, "wheel_friction", 0.0, LARGEST, "a rate [1/s]")
+        if not isinstance(self.wheel_friction, WheelFriction):
+            within(self.wheel_friction, "wheel_friction", 0.0, LARGEST, "a rate [1/s]")
         for link, wrench, _ in self.pushed:
             wrench_at(link, wrench, 0.0)
         for name, joint in () if isinstance(self.passive, str) else self.passive.items():
@@ -175,6 +216,12 @@ class Plant(Parameters):
                 finite(value, (), where + field_name)
             within(joint.damping, where + "damping", 0.0)
             positive(joint.slip, where + "slip")
+
+    @property
+    def friction_of_wheels(self) -> WheelFriction:
+        """The friction of the wheels, if one number is given that is viscous."""
+        given = self.wheel_friction
+        return given if isinstance(given, WheelFriction) else WheelFriction(viscous=given)
 
     @property
     def pushed(self) -> list[tuple[str, Wrench, bool]]:

@@ -12,7 +12,15 @@ import pinocchio as pin
 from spacearm.arrays import Array, Integers
 from spacearm.equations.integration import COLLAPSED, FAILED, FINISHED, RUNNING, state_of
 from spacearm.equations.measures import measures, nearest
-from spacearm.equations.plant import Observed, Parts, crossing, observe, torques, wheel_torques
+from spacearm.equations.plant import (
+    Observed,
+    Parts,
+    crossing,
+    observe,
+    torques,
+    wheel_friction,
+    wheel_torques,
+)
 from spacearm.errors import NoSolutionError, SpaceArmError
 from spacearm.mechanics import distance
 from spacearm.mechanics.arm_kernels import WIDE
@@ -526,7 +534,8 @@ class Runs:
             given["held"] = held[np.searchsorted(times, t, side="right")]
         seen = Observed(*batch.compute(observe, np.zeros(len(t), np.int64), given))
         base, kept = seen.base, seen.momentum
-        motor_spin = seen.spin + system.plant.wheel_friction * Y[:, at.wheels]
+        friction = wheel_friction(np, Y[:, at.wheels], system.plant.friction_of_wheels.numbers)
+        wheel_torque = seen.spin - friction
         if system.mode == "fixed":
             base = np.tile(base[0], (len(t), 1))
         impulse, free = Y[:, at.momentum] - Y[0, at.momentum], free_components(system.mode)
@@ -546,12 +555,13 @@ class Runs:
             impulse=impulse,
             wrenches=system.acting(t, q, base) if system.plant.pushed else {},
             wheels=Y[:, at.wheels].copy(),
-            wheel_torque=seen.spin,
+            wheel_torque=wheel_torque,
+            wheel_friction=friction,
             energy=seen.energy,
             work=works[:, 0].copy(),
             other_work=works[:, 1:].sum(axis=1),
             exchanged=float(batch.exchanged[0]),
-            motors=motor_loads(system, t, Y[:, at.dq], seen.torque, motor_spin),
+            motors=motor_loads(system, t, Y[:, at.dq], seen.torque, wheel_torque),
             events=tuple(self.events[0]),
             ended=self.ended[0],
             called=self.called,

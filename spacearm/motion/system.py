@@ -83,7 +83,7 @@ class System:
         for name in self.passive:
             joint_name(arm, name)
         _ = self.memories  # raises for one that makes no sense
-        if self.plant.wheels is None and not self.plant.wheel_friction:
+        if self.plant.wheels is None and not self.plant.friction_of_wheels.acts:
             return
         if self.mode != "free-floating":
             raise ConfigurationError(
@@ -356,7 +356,7 @@ def prepared(system: System, wanted: Sequence[WantedEvent] = (), *, trace: bool 
         wheels=tuple(_body(arm, wheel.frame) for wheel in arm.wheels),
         holds=system.hold is not None,
         sampled=system.hold is not None and system.hold.sampled,
-        drag=system.plant.wheel_friction > 0.0,
+        drag=system.plant.friction_of_wheels.acts,
         motors=None if motors is None else todo.over_time(
             "motors", "the torque of the wheels", motors,
             lambda tau: plants.wheel_torques(tau, len(arm.wheels)),
@@ -446,7 +446,7 @@ def motor_loads(
         t: (m,) times [s].
         dq: (m, n) joint rates [rad/s] or [m/s].
         torque: (m, n) joint torques [N m] or [N].
-        wheel_torque: (m, w) torques of the wheels' motors [N m], without friction.
+        wheel_torque: (m, w) torques of the wheels' motors [N m].
     """
     arm, hold = system.arm, system.hold
     found = []
@@ -598,7 +598,7 @@ def _plant_numbers(system: System, setup: Setup, bounds: list[float]) -> dict[st
         "bounds": np.array(bounds),
     }
     if setup.drag:
-        known["drag"] = np.array(system.plant.wheel_friction)
+        known["drag"] = system.plant.friction_of_wheels.numbers
     if setup.passive:
         still = PassiveJoint(slip=1.0)
         passive = [system.passive.get(name, system.passive.get(f"q{j + 1}", still))

@@ -19,7 +19,15 @@ from spacearm.model.arm import SpaceArm
 from spacearm.motion.controllers import LAWS, Controller, TipLaw
 from spacearm.motion.flights import Grasp, Phase, Release
 from spacearm.motion.goal import goal_of
-from spacearm.motion.plant import Integration, PassiveJoint, Plant, Sampling, WheelHold, Wrench
+from spacearm.motion.plant import (
+    Integration,
+    PassiveJoint,
+    Plant,
+    Sampling,
+    WheelFriction,
+    WheelHold,
+    Wrench,
+)
 from spacearm.sweeps.toml import Table
 
 T = TypeVar("T")
@@ -86,6 +94,11 @@ def read_plant(table: Table) -> Plant:
         joints = table.inner("passive")
         return {name: _passive(joints.inner(name)) for name in joints.values}
 
+    def friction(value: Any) -> Any:
+        if not isinstance(value, Mapping):
+            return value
+        return built(WheelFriction, table.inner("wheel_friction"))
+
     def pushed(name: str) -> Callable[[Any], dict[str, Wrench]]:
         links = table.inner(name)
         return lambda _: {link: _wrench(links, link) for link in links.values}
@@ -97,6 +110,7 @@ def read_plant(table: Table) -> Plant:
         wrenches=pushed("wrenches"),
         thrusters=pushed("thrusters"),
         passive=passive,
+        wheel_friction=friction,
     )
 
 

@@ -1,10 +1,52 @@
 """The search for events, step by step."""
 
+import ast
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import spacearm as sa
-from spacearm.motion.events import NEAR, first_fall
+from spacearm.motion import following
+from spacearm.motion.events import EVENT_KINDS, EVENTS, NEAR, first_fall
+
+SOURCES = Path(sa.__file__).parent
+#: Where the kind of an event is a variable: the kinds that it may have there.
+VARIABLE = {
+    "closure/target_runs.py": {"grasp", "joint limit", "wheel full"},
+    "motion/following.py": set(following.ENDS),
+    "motion/leading.py": set(following.ENDS),
+    "motion/run.py": set(EVENTS),
+}
+
+
+def emitted(path):
+    """The kinds of the events that a module makes."""
+    text = path.read_text(encoding="utf-8")
+    if "class Event(" in text or "motion.events" not in text and "motion import events" not in text:
+        return set()
+    found = set()
+    for call in ast.walk(ast.parse(text)):
+        if not isinstance(call, ast.Call) or ast.unparse(call.func) not in (
+            "Event",
+            "events.Event",
+        ):
+            continue
+        if len(call.args) < 4:  # one of another kind
+            continue
+        kind = call.args[1]
+        if isinstance(kind, ast.Constant):
+            found.add(kind.value)
+        else:
+            found |= VARIABLE[path.relative_to(SOURCES).as_posix()]
+    return found
+
+
+def test_the_docstring_of_an_event_lists_all_kinds_that_occur():
+    kinds = set().union(*(emitted(path) for path in sorted(SOURCES.rglob("*.py"))))
+    assert kinds == set(EVENT_KINDS)
+    doc = " ".join(sa.Event.__doc__.split())
+    assert [kind for kind in EVENT_KINDS if f'"{kind}"' not in doc] == []
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-18, -1e-18])

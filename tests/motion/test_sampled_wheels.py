@@ -18,12 +18,12 @@ def arm():
     return load_text(with_wheels("planar2", np.eye(3)))
 
 
-def simulated(hold=HOLD, sampling=None, duration=2.0, **plant):
+def simulated(hold=HOLD, sampling=None, duration=2.0, law=LAW, **plant):
     sampling = sampling or sa.Sampling(period=PERIOD)
     plant = sa.Plant(wheels=hold, **plant)
     start = arm().at([0.1, 0.3], wheels=[0.1, -0.2, 0.05])
     fine = sa.Integration(rtol=1e-10, atol=1e-12, dt=PERIOD / 4, events=())
-    return sa.simulate(start, LAW, duration, plant=plant, sampling=sampling, integration=fine)
+    return sa.simulate(start, law, duration, plant=plant, sampling=sampling, integration=fine)
 
 
 def test_torques_are_those_of_the_law_at_the_control_instants():
@@ -76,19 +76,51 @@ def test_friction_slows_a_wheel_exponentially(mode):
     run = simulated(hold, wheel_friction=c)
     decay = np.exp(-c * run.t)[:, None]
     np.testing.assert_allclose(run.wheels, h * decay + given / c * (1 - decay), atol=1e-9)
-    np.testing.assert_allclose(run.wheel_torque, given - c * run.wheels, atol=1e-12)
+    np.testing.assert_allclose(run.wheel_torque, np.tile(given, (len(run), 1)), atol=1e-12)
+    np.testing.assert_allclose(run.wheel_friction, -c * run.wheels, atol=1e-12)
+    np.testing.assert_allclose(run.wheel_momentum_rate, given - c * run.wheels, atol=1e-12)
     assert np.abs(run.momentum - run.momentum[0]).max() < 1e-9
     assert run.imbalance < 1e-7
 
 
-def test_the_load_of_a_motor_does_not_include_friction():
-    """Its law asks for its largest torque at first; the wheel gets less or more than that."""
+FRICTION = sa.WheelFriction(viscous=0.01, dry=2e-3, slip=5e-4)
+
+
+def test_dry_friction_stops_a_free_wheel_as_the_closed_form_says():
+    """Of dry friction alone sinh(h / slip) falls as exp(-dry t / slip)."""
+    h, dry, slip = np.array([0.1, -0.2, 0.05]), 0.05, 0.01
+    run = simulated(None, wheel_friction=sa.WheelFriction(dry=dry, slip=slip))
+    u = np.abs(h) / slip
+    falls = np.log(np.sinh(u)) - (dry / slip) * run.t[:, None]
+    expected = np.sign(h) * slip * np.arcsinh(np.exp(falls))
+    np.testing.assert_allclose(run.wheels, expected, atol=1e-8)
+    assert np.abs(run.wheels[-1]).min() > 0.0
+    np.testing.assert_allclose(run.wheel_torque, 0.0, atol=1e-12)
+
+
+def test_friction_keeps_the_momentum_and_takes_energy():
+    """The spin of a wheel has the energy h (a w) + h^2 / (2 I) besides that of the rest."""
+    run = simulated(None, wheel_friction=FRICTION)
+    still = simulated(None, wheel_friction=FRICTION, law=lambda _t, _cfg, dq: 0.0 * dq)
+    assert np.abs(run.momentum - run.momentum[0]).max() < 1e-9
+    assert run.imbalance < 1e-7
+    inertia, energy = 1e-3, list[float]()  # the moment of inertia of a wheel
+    for cfg, dq, h, kinetic in zip(still, still.dq, still.wheels, still.energy, strict=True):
+        w = cfg.base.rotation.T @ sa.base_velocity(cfg, dq)[3:]
+        energy.append(kinetic + h @ w + 0.5 * h @ h / inertia)
+    assert (np.diff(energy) < 0.0).all()
+    assert energy[-1] < 0.95 * energy[0]
+
+
+def test_the_recorded_torque_of_a_wheel_is_that_of_its_motor():
+    """It is what its limit bounds and what the summary tells; friction stands beside it."""
     hold = replace(HOLD, stiffness=2000.0, torque=0.01)
-    run = simulated(hold, duration=0.4, wheel_friction=0.5)
+    run = simulated(hold, duration=0.4, wheel_friction=sa.WheelFriction(viscous=0.5, dry=2e-3))
+    assert np.abs(run.wheel_torque).max() <= 0.01 * (1.0 + 1e-12)
+    assert np.abs(run.wheel_momentum_rate).max() > 1.2 * 0.01
     loads = [load for load in run.motors if load.motor.startswith("wheel")]
     assert len(loads) == 3
-    motor = np.abs(run.wheel_torque + 0.5 * run.wheels)
-    for load, torque in zip(loads, motor.T, strict=True):
+    for load, torque in zip(loads, np.abs(run.wheel_torque).T, strict=True):
         assert load.largest == pytest.approx(torque.max(), abs=1e-12)
     assert max(load.largest for load in loads) == pytest.approx(0.01)
     assert max(load.share for load in loads) > 0.1
@@ -97,7 +129,7 @@ def test_the_load_of_a_motor_does_not_include_friction():
 @pytest.mark.slow
 def test_many_runs_are_those_of_simulate():
     hold = replace(HOLD, torque_quantum=0.01)
-    plant = sa.Plant(wheels=hold, wheel_friction=0.1)
+    plant = sa.Plant(wheels=hold, wheel_friction=FRICTION)
     noisy = sa.Sampling(period=PERIOD, delay=0.03, gyro_noise=1e-2, attitude_noise=1e-3, seed=2)
     starts = [arm().at([0.1 * i, 0.3]) for i in range(3)]
     how = sa.Integration(rtol=1e-6, atol=1e-8)
@@ -112,6 +144,10 @@ def test_what_makes_no_sense_is_refused():
         sa.WheelHold(stiffness=1, damping=1, torque_quantum=0.1)
     with pytest.raises(sa.ConfigurationError, match="wheel_friction is -1"):
         sa.Plant(wheel_friction=-1)
+    with pytest.raises(sa.ConfigurationError, match="dry of the wheel friction is -1"):
+        sa.WheelFriction(dry=-1.0)
+    with pytest.raises(sa.ConfigurationError, match="slip of the wheel friction is 0"):
+        sa.WheelFriction(slip=0.0)
     start, plant = arm().at([0.1, 0.3]), sa.Plant(wheels=HOLD)
     with pytest.raises(sa.ConfigurationError, match="control period"):
         sa.simulate(start, LAW, 1.0, plant=plant)

@@ -229,6 +229,7 @@ CALLS: Mapping[str, Callable[[], tuple[Callable[..., Any], dict[str, Any]]]] = {
     "PassiveJoint": lambda: (_passive, {
         "stiffness": 1.0, "rest": 0.1, "damping": 0.1, "friction": 0.1, "slip": 1e-3,
     }),
+    "WheelFriction": lambda: (sa.WheelFriction, {"viscous": 0.1, "dry": 1e-3, "slip": 1e-3}),
     "WheelHold": lambda: (sa.WheelHold, {
         "stiffness": 1.0, "damping": 1.0, "torque": 1.0, "capacity": 1.0,
     }),
