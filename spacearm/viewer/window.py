@@ -109,6 +109,7 @@ class Window:
         self._lock = threading.RLock()
         self.listeners: list[Callable[[Key, bytes], None]] = []
         self.recorder: Callable[[dict[str, Any]], None] | None = None
+        self._replacing = False
 
     def send(self, command: Any) -> None:
         """Take a meshcat command: set_object, set_transform, set_property, ..., delete."""
@@ -123,22 +124,23 @@ class Window:
                 self._scene = _without(self._scene, path)
             else:
                 self._scene[key] = data
-            for listener in self.listeners:
-                listener(key, data)
+            if not self._replacing:  # browsers load the new scene as a whole
+                for listener in self.listeners:
+                    listener(key, data)
 
     @contextmanager
     def replaced(self) -> Iterator[None]:
         """Draw another scene in place of the present one, which stays if that fails."""
         with self._lock:
             before, self._scene = self._scene, {}
-            listeners, self.listeners = self.listeners, []  # browsers load the new scene as a whole
+            self._replacing = True
             try:
                 yield
             except BaseException:
                 self._scene = before
                 raise
             finally:
-                self.listeners = listeners
+                self._replacing = False
 
     def commands(self) -> list[bytes]:
         """Return the commands that draw the present scene, those that make its objects first."""

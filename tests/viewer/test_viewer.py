@@ -917,3 +917,11 @@ def test_choices_that_cannot_be_are_refused_and_change_nothing(viewer, message, 
         viewer.handle({"do": "arm", **message})
     assert viewer.readout() == before
     assert viewer.window.commands() == commands
+
+
+def test_a_server_is_closed_while_another_scene_is_drawn():
+    viewer = sa.view(sa.load("planar2"), open=False)
+    viewer.serve()
+    with viewer.window.replaced():
+        viewer.close()
+    assert viewer.window.listeners == []
