@@ -161,6 +161,14 @@ def recording(tmp_path_factory):
     return sa.write_motion(motion, tmp_path_factory.mktemp("mcap") / "states.mcap")
 
 
+def test_what_the_library_prints_of_a_damaged_recording_is_not_shown(recording, tmp_path, capsys):
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(recording.read_bytes().replace(b"float64[] velocity", b"float64[] velo__ty"))
+    with pytest.raises(sa.ConfigurationError, match="velo__ty"):
+        list(recorded(path, "/joint_states"))
+    assert capsys.readouterr() == ("", "")
+
+
 def test_damaged_recordings_are_refused_whatever_is_damaged(recording, tmp_path):
     content, refused = recording.read_bytes(), 0
     for seed in range(150):
