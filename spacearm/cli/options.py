@@ -15,7 +15,7 @@ import pinocchio as pin
 import typer
 
 import spacearm as sa
-from spacearm.arrays import Array, finite
+from spacearm.arrays import LARGEST, Array, finite
 from spacearm.cli.output import Answer, answer
 from spacearm.cli.wording import NUMBER
 from spacearm.description.bodies import Joint
@@ -530,7 +530,8 @@ def table_of(path: Path, what: str) -> tuple[list[str], Array]:
         what: What it is called in an error.
 
     Raises:
-        ConfigurationError: It cannot be read, holds something else, or rows of several lengths.
+        ConfigurationError: It cannot be read, holds something else, numbers beyond `LARGEST`, or
+            rows of several lengths.
     """
     try:
         text = decoded(read(path))
@@ -545,6 +546,10 @@ def table_of(path: Path, what: str) -> tuple[list[str], Array]:
             if not NUMBER.fullmatch(word):
                 fault = f"{what}, line {i}: {word!r} is not a finite number"
                 raise sa.ConfigurationError(fault + "; separate by commas" * (";" in word))
+            if abs(float(word)) > LARGEST:
+                raise sa.ConfigurationError(
+                    f"{what}, line {i}: {word} is too large; give numbers up to {LARGEST:g}"
+                )
     widths = sorted({len(words) for _, words in lines})
     if not widths:
         raise sa.ConfigurationError(f"{what} has no rows of numbers; give at least one")

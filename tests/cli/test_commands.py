@@ -14,6 +14,7 @@ from helpers.commands import answer, spacearm
 
 import spacearm as sa
 from spacearm.cli.app import COMMANDS, command
+from spacearm.cli.options import table_of
 from spacearm.cli.output import SHARE, STEP_LIMIT, TIME_LIMIT, Done, working
 
 MODULES = {f"spacearm.cli.{known.place.rpartition('.')[0]}" for known in COMMANDS.values()}
@@ -76,6 +77,13 @@ def test_path_proves_a_clearance_as_far_as_it_holds(tmp_path):
     assert (
         "a singular posture is nearer than the clearance asked for" in spacearm(*asked, 170).stdout
     )
+
+
+def test_numbers_of_a_table_are_bounded(tmp_path):
+    path = tmp_path / "far.csv"
+    path.write_text("0.3,1.2\n0.3,-2e12\n")
+    with pytest.raises(sa.ConfigurationError, match=r"line 2: -2e12 is too large"):
+        table_of(path, "far.csv")
 
 
 def test_path_takes_saved_motions_and_refuses_other_files(tmp_path):
