@@ -367,6 +367,22 @@ def check(thing: Callable[..., object], args: Sequence[object], kwargs: Mapping[
             raise ConfigurationError(f"{name} needs {key}; give {what}{_told(thing, key)}")
 
 
+def check_options(thing: Callable[..., object], of: str, options: Mapping[str, object]) -> None:
+    """Check options that a public function hands on to a function that is not public.
+
+    Args:
+        thing: The function that takes them.
+        of: What they are options of, for messages.
+        options: The options by name.
+
+    Raises:
+        ConfigurationError: One is of a wrong kind.
+    """
+    hints = _hints(thing)
+    for name, value in options.items():
+        _require(thing, of, name, value, hints)
+
+
 @cache
 def _parameters(
     thing: Callable[..., object],
@@ -399,13 +415,18 @@ def _names(thing: Callable[..., object]) -> tuple[tuple[str, ...], tuple[str, ..
 
 
 def _hints(thing: object) -> dict[str, Hint]:
-    """Return the annotations; names that exist for type checkers only stand for anything."""
-    unseen: dict[str, Any] = {}
+    """Return the annotations.
+
+    Of the names that exist for type checkers only, public ones are imported; the others stand for
+    anything.
+    """
+    public, unseen = sys.modules["spacearm"], dict[str, Any]()
     while True:
         try:
             return get_type_hints(thing, localns=unseen)
         except NameError as error:
-            unseen[str(error.name)] = Unseen
+            name = str(error.name)
+            unseen[name] = getattr(public, name) if name in public.__all__ else Unseen
 
 
 def _require(

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pinocchio as pin
+from matplotlib.colors import is_color_like, to_hex
 
 from spacearm.arrays import Array
-from spacearm.errors import UnsupportedError
+from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.plots import style
 from spacearm.plots.triangles import bare, draw_bodies, draw_target, stand_ins
 from spacearm.results import short_names
+from spacearm.signatures import shown
 from spacearm.singularities.nearest import NearestSingular
 from spacearm.singularities.report import singularity
 
@@ -34,7 +37,7 @@ def draw_configuration(
     cfg: Configuration,
     ax: Any,
     *,
-    color: str = style.GREY,
+    color: str | Sequence[float] = style.GREY,
     label: bool = True,
     velocities: bool = False,
 ) -> Any:
@@ -48,9 +51,14 @@ def draw_configuration(
         label: Whether to name the system CM and the tip.
         velocities: Whether to draw what unit joint rates give to the tip, and the lost direction:
             for planar arms whose task is the position of the tip.
+
+    Raises:
+        ConfigurationError: Matplotlib knows no such colour.
     """
+    if not is_color_like(color):
+        raise ConfigurationError(f"color is {shown(color)}; give a colour of Matplotlib, as 'red'")
     axes = style.axes_for(ax, *SIZE, spatial=not in_plane(cfg))
-    draw_posture(axes, cfg, color=color, label=label)
+    draw_posture(axes, cfg, color=to_hex(cast("Any", color)), label=label)
     if velocities:
         draw_velocities(axes, cfg)
     style.entitle(axes, f"{cfg.arm.name}: spacecraft, arm and system CM (+){stand_ins(cfg.arm)}")
@@ -73,7 +81,9 @@ def draw_held(result: Held | HeldReport, axes: Any) -> None:
 
 
 @style.draws()
-def draw_arm(arm: SpaceArm, ax: Any, *, color: str = style.GREY, label: bool = True) -> Any:
+def draw_arm(
+    arm: SpaceArm, ax: Any, *, color: str | Sequence[float] = style.GREY, label: bool = True
+) -> Any:
     """Draw an arm with all joints at zero, or at the limit next to zero.
 
     Args:

@@ -6,7 +6,7 @@ import inspect
 from typing import TYPE_CHECKING, Any
 
 from spacearm.errors import ConfigurationError
-from spacearm.signatures import checked
+from spacearm.signatures import check_options, checked
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,4 +66,5 @@ def plot(
                 f"a drawing of a {name} has no option {option!r}; it takes: "
                 f"{', '.join(known) or 'none'}"
             )
+    check_options(draw, f"a drawing of a {name}", options)
     return shown_once(draw(thing, ax=ax, **options).get_figure(root=True))

@@ -8,9 +8,11 @@ import numpy as np
 from matplotlib.patches import Annulus, Circle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, ArrayLike, finite, shape_of
+from spacearm.errors import ConfigurationError
 from spacearm.mechanics.batch import tips_from_centre
 from spacearm.plots import style
+from spacearm.signatures import shown
 from spacearm.singularities.risk import PoseRisk, RiskProfile, nearness
 
 if TYPE_CHECKING:
@@ -31,7 +33,7 @@ def draw_workspace(
     result: Workspace,
     ax: Any,
     *,
-    path: Array | None = None,
+    path: ArrayLike | None = None,
     profile: RiskProfile | None = None,
 ) -> Any:
     """Draw a workspace: for planar arms figure 7 of Papadopoulos & Dubowsky (1993).
@@ -44,11 +46,11 @@ def draw_workspace(
             for a profile; or a figure or subfigure; None for a new figure.
 
     Raises:
-        ConfigurationError: `ax` is of the wrong kind.
+        ConfigurationError: `ax` is of the wrong kind, or `path` is no path.
     """
     if result.planar:
         axes = style.axes_for(ax, 7.2, 6.4)
-        _draw_rings(axes, result, path)
+        _draw_rings(axes, result, None if path is None else _points(path))
         return axes
     if profile is None:
         axes = style.axes_for(ax, 6.4, 5.4, spatial=True)
@@ -96,6 +98,14 @@ def draw_pose_risk(result: PoseRisk, axes: Any) -> None:
     axes.axhline(100.0 * mean, color=style.GREY, lw=1, ls=":")
     axes.set(**BY_DISTANCE)
     style.entitle(axes, f"{len(result.share)} tip poses, {nearness(result)}\nmean {mean:.1%}")
+
+
+def _points(path: ArrayLike) -> Array:
+    """Return the points (m, 2) or (m, 3) of a path, checked."""
+    shape = shape_of(path)
+    if len(shape) != 2 or shape[0] == 0 or shape[1] not in (2, 3):
+        raise ConfigurationError(f"path is {shown(path)}; give points [m], 2 or 3 numbers in a row")
+    return finite(path, shape, "path", "[m]")
 
 
 def _draw_rings(axes: Any, result: Workspace, path: Array | None) -> None:

@@ -460,6 +460,45 @@ def test_the_style_is_a_sheet_of_matplotlib_and_postures_show_velocities():
         sa.plot(sa.load("planar3").at([0.1, 0.2, 0.3]), velocities=True)
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "named"),
+    [
+        ("path", "abc", "path is 'abc'"),
+        ("path", [1.0, 2.0], r"path is \[1.0, 2.0\]"),
+        ("path", np.zeros((0, 2)), "path is array"),
+        ("path", [[1e308, 0.0]], r"path is \[\[1e\+308"),
+        ("path", [[1.0, 2.0], [3.0]], "path is"),
+        ("profile", 3, "profile is 3"),
+        ("workspace", "abc", "workspace is 'abc'"),
+        ("box", np.eye(2), "box is array"),
+        ("color", "abc", "color is 'abc'"),
+        ("color", (1.0, 2.0, 3.0), "color is"),
+        ("label", np.eye(2), "label is"),
+        ("chain", "abc", "chain is 'abc'"),
+    ],
+)
+def test_options_of_a_wrong_kind_are_named(option, value, named, shown_things):
+    with pytest.raises(sa.ConfigurationError, match=named):
+        sa.plot(shown_things[option], **{option: value})
+
+
+@pytest.fixture(scope="module")
+def shown_things():
+    """What takes each option."""
+    arm = sa.load("planar2")
+    reach = sa.workspace(arm, effort=20)
+    cfg = arm.at([0.3, 1.2])
+    return {
+        "path": reach,
+        "profile": reach,
+        "workspace": sa.Motion(arm, [0.0, 1.0], [[0.3, 1.2], [0.4, 1.1]], np.eye(7)[[6, 6]]),
+        "box": sa.singular_map(arm, points=5),
+        "color": cfg,
+        "label": arm,
+        "chain": sa.barycentric(cfg),
+    }
+
+
 def test_a_map_outlines_a_box_that_holds_its_joints():
     arm, q = sa.load("planar3"), [0.2, 1.1, -0.7]
     box, joints = sa.free_box(arm.at(q)), ("joint_2", "joint_3")

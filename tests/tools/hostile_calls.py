@@ -68,6 +68,11 @@ def _run() -> sa.Trajectory:
 
 
 @lru_cache
+def _reach() -> sa.Workspace:
+    return sa.workspace(_arm(), effort=20)
+
+
+@lru_cache
 def _about() -> sa.UncertainArm:
     return sa.uncertain(_arm(), {"link_1": {"mass": 0.1}})
 
@@ -331,7 +336,11 @@ CALLS: Mapping[str, Callable[[], tuple[Callable[..., Any], dict[str, Any]]]] = {
     "SingularityBarrier": lambda: (
         sa.SingularityBarrier, {"arm": _arm("chaser7"), "margin": 0.05, "gain": 10.0}
     ),
-    "plot": lambda: (sa.plot, {"thing": _run()}),
+    "plot": lambda: (sa.plot, {"thing": _run(), "target": [1.0, 1.0]}),
+    "plot of a workspace": lambda: (sa.plot, {"thing": _reach(), "path": [[1.0, 1.0]]}),
+    "plot of a configuration": lambda: (sa.plot, {
+        "thing": _cfg(), "color": "red", "label": True, "velocities": False,
+    }),
     **{
         name: lambda name=name: (getattr(sa, name), {"cfg": _cfg(), "mode": "free-floating"})
         for name in (
