@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+import pickle
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import fields, is_dataclass
 from functools import singledispatch
 from numbers import Integral, Real
 from pathlib import Path
+from types import FunctionType
 from typing import Any, ClassVar, TypeAlias, TypeVar
 
 import numpy as np
@@ -54,8 +57,8 @@ def plain(value: Any) -> Any:
 
     Whatever has a `to_dict` becomes what it returns, NamedTuples and dataclasses their public
     fields, arrays nested lists, complex numbers [re, im], functions their repr. Numbers that are
-    not finite stay floats. Modules register further types: `SpaceArm` is its name, `pin.SE3` is
-    x, y, z and the quaternion xyzw.
+    not finite, which JSON lacks, become None. Modules register further types: `SpaceArm` is its
+    name, `pin.SE3` is x, y, z and the quaternion xyzw.
 
     Raises:
         TypeError: The value, or a part of it, has no plain form.
@@ -66,10 +69,12 @@ def plain(value: Any) -> Any:
         return plain(complex(value) if isinstance(value, np.clongdouble) else float(value))
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
-    if value is None or isinstance(value, bool | int | float | str):
+    if value is None or isinstance(value, bool | int | str):
         return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
     if isinstance(value, complex):
-        return [value.real, value.imag]
+        return [plain(value.real), plain(value.imag)]
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, Mapping):
@@ -90,15 +95,27 @@ def named(result: Any) -> dict[str, Any]:
     return {name: plain(value) for name, value in result._asdict().items()}
 
 
-@checked
-class Parameters:
-    """Base of frozen dataclasses that a caller gives."""
+class ReadOnlyMapping(Mapping[str, T]):
+    """A mapping that cannot be changed. Unlike those of `types`, it can be copied and pickled.
 
-    __dataclass_fields__: ClassVar[dict[str, Any]]
+    Args:
+        entries: Its entries.
+    """
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain JSON data; functions as their repr."""
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
+    def __init__(self, entries: Mapping[str, T]) -> None:
+        self._entries = dict(entries)
+
+    def __getitem__(self, key: str) -> T:
+        return self._entries[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._entries)
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def __repr__(self) -> str:
+        return repr(self._entries)
 
 
 def counted(things: Collection[T], progress: Callable[[int, int], object] | None) -> Iterator[T]:
@@ -113,6 +130,75 @@ def read_only(array: Array) -> Array:
     """Return the array itself, read-only."""
     array.flags.writeable = False
     return array
+
+
+def freeze(thing: object) -> None:
+    """Make all arrays of an object read-only."""
+    for value in vars(thing).values():
+        if isinstance(value, np.ndarray):
+            read_only(value)
+
+
+class Frozen:
+    """Base of frozen classes: the arrays of their copies are read-only, as their own are."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        freeze(self)
+
+
+@checked
+class Parameters(Frozen):
+    """Base of frozen dataclasses that a caller gives."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain JSON data; functions as their repr."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the values for a pickle.
+
+        Raises:
+            ConfigurationError: One is a function that cannot be pickled.
+        """
+        for name, value in vars(self).items():
+            parts = {f" of {key!r}": part for key, part in _entries(value)}
+            for place, part in ({"": value} | parts).items():
+                if isinstance(part, FunctionType) and not _is_found_by_name(part):
+                    raise ConfigurationError(
+                        f"{name}{place} of a {type(self).__name__} is a function that only the "
+                        "program that made it has, and cannot be pickled; give a function that is "
+                        "defined in a module, outside other functions"
+                    )
+        return vars(self)
+
+    def __copy__(self) -> Parameters:
+        return self._with(vars(self))
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Parameters:
+        return self._with(deepcopy(vars(self), memo))
+
+    def _with(self, values: dict[str, Any]) -> Parameters:
+        """Return an object of the same class with these values; functions may be among them."""
+        other = object.__new__(type(self))
+        other.__setstate__(values)
+        return other
+
+
+def _entries(value: object) -> Iterable[tuple[object, object]]:
+    """Return the entries of a mapping; nothing of other values."""
+    return value.items() if isinstance(value, Mapping) else ()
+
+
+def _is_found_by_name(function: FunctionType) -> bool:
+    """Tell whether pickle finds the function in its module, as another process does."""
+    try:
+        pickle.dumps(function)
+    except (pickle.PicklingError, AttributeError):
+        return False
+    return True
 
 
 def number_of(value: object) -> float:

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from spacearm.arrays import Array, plain
+from spacearm.arrays import Array, Frozen, freeze, plain
 from spacearm.errors import LONGEST_NAME, shortened
 from spacearm.signatures import checked, dataclass_transform
 
@@ -197,7 +197,7 @@ class Described(ABC):
 
 @checked
 @dataclass_transform(frozen_default=True, eq_default=False)
-class Result(Described):
+class Result(Frozen, Described):
     """Base of results: frozen dataclasses of read-only arrays, with `describe` and `to_dict`.
 
     Both say what was `not_checked`, which a class need not repeat in its own.
@@ -213,9 +213,7 @@ class Result(Described):
         checked(dataclass(frozen=True, eq=False, repr=False, **options)(cls))
 
     def __post_init__(self) -> None:
-        for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
+        freeze(self)
 
     @property
     def not_checked(self) -> str:
@@ -223,7 +221,10 @@ class Result(Described):
         return ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain JSON data: arrays as nested lists, an arm as its name."""
+        """Return all fields as plain JSON data: arrays as nested lists, an arm as its name.
+
+        Numbers that are not finite, which JSON lacks, are None.
+        """
         told = {self.JSON.get(f.name, f.name): plain(getattr(self, f.name)) for f in fields(self)}
         return told | {"not_checked": self.not_checked}
 

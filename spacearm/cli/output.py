@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import signal
 import sys
 import threading
@@ -20,6 +19,7 @@ from rich.segment import Segment
 from rich.table import Column, Table
 from rich.text import Text
 
+from spacearm.arrays import plain
 from spacearm.cli.wording import INTERRUPTED, in_own_words
 from spacearm.errors import UNPRINTABLE, StoppedError, printable
 from spacearm.files import name_part, write
@@ -308,16 +308,8 @@ def print_description(said: Description, deg: bool = False) -> None:
 
 def print_json(value: Any, indent: int | None = 2) -> None:
     """Print strict JSON; numbers that are not finite, which JSON lacks, become null."""
-    text = json.dumps(_finite(value), indent=indent, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(plain(value), indent=indent, ensure_ascii=False, allow_nan=False)
     print(UNPRINTABLE.sub(lambda found: json.dumps(found[0])[1:-1], text))
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def save_phases(flight: Flight, path: Path | None) -> list[Path]:

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 import spacearm as sa
-from spacearm.arrays import Array, plain
+from spacearm.arrays import Array
 from spacearm.cli import options as opt
 from spacearm.cli.output import (
     STEP_LIMIT,
@@ -146,7 +146,7 @@ def check_path(
     if as_json:
         facts = {"arm": arm, "certificate": proof, "outside_limits": outside}
         whom = {"any_payload": any_payload(arm, mode)}
-        print_json(plain(facts | {"distance": distance, "mode": mode} | whom))
+        print_json(facts | {"distance": distance, "mode": mode} | whom)
     else:
         print_description(_described(arm, mode, Q, proof, distance, outside), deg)
     return SINGULAR if fail_on_singular and not proof.free else 0

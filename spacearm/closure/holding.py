@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, ArrayLike, Progress, generator
+from spacearm.arrays import Array, ArrayLike, Progress, ReadOnlyMapping, generator
 from spacearm.closure.closing import Closure, Gaps, anywhere, named, placed
 from spacearm.closure.held_report import ClosedMap, HeldReport, closed_map, held_report
 from spacearm.closure.regrasping import Freed, Regrasp
@@ -544,7 +543,7 @@ def _held(
     """Return what was found, with its gaps."""
     there = pin.SE3.Identity() if target is None else target.pose
     gaps = Gaps.of(cfg.tips, there, frames.values())
-    return Held(cfg, target, MappingProxyType(dict(frames)), *gaps, tries)
+    return Held(cfg, target, ReadOnlyMapping(frames), *gaps, tries)
 
 
 def _with_all_rows(arm: SpaceArm) -> SpaceArm:

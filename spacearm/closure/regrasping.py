@@ -12,12 +12,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, ArrayLike, finite, generator, positive, shape_of
+from spacearm.arrays import (
+    Array,
+    ArrayLike,
+    ReadOnlyMapping,
+    finite,
+    generator,
+    positive,
+    shape_of,
+)
 from spacearm.closure.closing import Closure, Gaps, anywhere, named
 from spacearm.closure.target_paths import with_target
 from spacearm.collisions.bodies import but_for, left_out
@@ -342,7 +349,7 @@ class Freed:
         return Regrasp(
             target=target and target.replace(pose=last * cfg.base.actInv(target.pose)),
             tip=self.tip,
-            grasps=MappingProxyType({**self.grasps, self.tip: grasp}),
+            grasps=ReadOnlyMapping({**self.grasps, self.tip: grasp}),
             back=back,
             plan=way,
             close=close,

@@ -17,6 +17,7 @@ from spacearm.arrays import (
     LARGEST,
     Array,
     ArrayLike,
+    Frozen,
     finite,
     plain,
     positive,
@@ -163,7 +164,7 @@ def joint_frames(cfg: Configuration) -> list[pin.SE3]:
 
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
-class Obstacle:
+class Obstacle(Frozen):
     """A body to keep off: `Obstacle.box`, `.sphere`, `.cylinder`, `.mesh`, `.robot`, `.of_target`.
 
     Poses are given in the inertial frame, like `base` and goals. Time is that of the motion: when

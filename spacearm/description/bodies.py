@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, LEAST_MASS, Array, ArrayLike, numbers_of
+from spacearm.arrays import LARGEST, LEAST_MASS, Array, ArrayLike, numbers_of, plain
 from spacearm.errors import ModelError
 from spacearm.signatures import shown
 
@@ -168,7 +168,7 @@ class Joint:
             "type": self.kind,
             "parent": self.parent,
             "child": self.child,
-            **{name: float(x) if math.isfinite(x) else None for name, x in limits.items()},
+            **plain(limits),
             "mimic": self.mimic._asdict() if self.mimic else None,
         }
 

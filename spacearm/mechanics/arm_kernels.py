@@ -188,6 +188,10 @@ class ArmKernel:
         self._what = function, known, calls, lanes, fast
         self._found: dict[Any, tuple[Any, Array]] = {}
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process needs; the machine code is made there."""
+        return vars(self) | {"_found": {}}
+
     def __call__(
         self,
         inputs: Mapping[str, Array],

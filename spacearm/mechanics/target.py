@@ -7,13 +7,23 @@ from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, ArrayLike, finite, named, plain, positive, read_only, within
+from spacearm.arrays import (
+    Array,
+    ArrayLike,
+    Frozen,
+    ReadOnlyMapping,
+    finite,
+    named,
+    plain,
+    positive,
+    read_only,
+    within,
+)
 from spacearm.description.bodies import Inertial
 from spacearm.description.bus import Bus, stand_in
 from spacearm.description.readers import formats
@@ -52,7 +62,7 @@ class Frame(NamedTuple):
 
 @checked
 @dataclass(frozen=True, eq=False, repr=False, init=False)
-class Target(Described):
+class Target(Frozen, Described):
     """A free rigid body, such as debris to be caught: it drifts and tumbles without torque.
 
     Its rotation is computed in closed form, at any time. With `orbit` its CM moves relative to the
@@ -132,7 +142,7 @@ class Target(Described):
             tree=tree,
             pose=sound_pose(pose, "pose"),
             twist=read_only(finite(twist, (6,), "twist", "[linear [m/s]; angular [rad/s]]")),
-            grapples=MappingProxyType(marks | own),
+            grapples=ReadOnlyMapping(marks | own),
             orbit=rate,
             name=name or tree.name,
             _chaser=(np.zeros(3), np.zeros(3)),

@@ -55,7 +55,7 @@ class TargetErrors(Parameters):
     delay: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, value in self.to_dict().items():
+        for name, value in vars(self).items():
             within(value, name, 0.0, LARGEST)
         for name in ("mass", "inertia"):
             if getattr(self, name) >= 1.0:
@@ -99,7 +99,7 @@ class CaptureEnvelope(Parameters):
     rate: float = float(np.radians(2.0))
 
     def __post_init__(self) -> None:
-        for name, value in self.to_dict().items():
+        for name, value in vars(self).items():
             positive(value, name)
 
 

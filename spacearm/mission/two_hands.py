@@ -14,14 +14,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from spacearm import errors
-from spacearm.arrays import Array
+from spacearm.arrays import Array, ReadOnlyMapping
 from spacearm.closure.closing import Gaps, carried, target_momentum
 from spacearm.closure.holding import Held, hold
 from spacearm.closure.target_paths import Carrying, TargetCurve, with_target
@@ -445,7 +444,7 @@ class HandsApproach(Approach):
         twists = end.J @ generalized_velocity(end, chase.dq[-1])
         return HandsCatch(
             **told,
-            grapple=MappingProxyType(frames),
+            grapple=ReadOnlyMapping(frames),
             distance_proven=0.0,
             place_error=off.gap,
             turn_error=off.turn,
@@ -453,7 +452,7 @@ class HandsApproach(Approach):
             momentum=hit.momentum,
             wheel_load=(),
             held=held,
-            grasped=MappingProxyType(grasped),
+            grasped=ReadOnlyMapping(grasped),
         )
 
     def _braked(self, held: Held, dq: Array, rates: Array, least: float) -> ClosedBraking:

@@ -7,13 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, ArrayLike, finite, plain, read_only
+from spacearm.arrays import Array, ArrayLike, Frozen, ReadOnlyMapping, finite, plain, read_only
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.grippers import held_fingers
 from spacearm.description.loops import open_loops, warn_of_lost_loops, with_ball_joints
@@ -50,7 +49,7 @@ MOMENTUM = "[linear [kg m/s]; angular about the system CM [kg m^2/s]]"
 
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
-class SpaceArm(JointSpace, Described):
+class SpaceArm(Frozen, JointSpace, Described):
     """A free-floating spacecraft with an arm. It never changes; `replace` gives a new one.
 
     Attributes:
@@ -137,7 +136,7 @@ class SpaceArm(JointSpace, Described):
             wheels=wheels_of(tree, model, path),
             joint_names=tuple(joint.name for joint in leading),
             joints=joints if isinstance(joints, str) else tuple(map(str, joints)),
-            held=MappingProxyType(held),
+            held=ReadOnlyMapping(held),
             coupling=None if len(C) == len(leading) else C,
             offsets=offsets,
             lower=lower,
@@ -462,7 +461,7 @@ class SpaceArm(JointSpace, Described):
             return None
 
     def __getstate__(self) -> dict[str, object]:
-        return self.__dict__ | {"_spare": [], "held": dict(self.held)}
+        return self.__dict__ | {"_spare": []}
 
     def __repr__(self) -> str:
         name, tips = self.label, listed(list(map(repr, self.tips)))
@@ -478,7 +477,7 @@ plain.register(SpaceArm, lambda arm: arm.name)
 
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
-class Configuration:
+class Configuration(Frozen):
     """A posture q and a spacecraft pose, with the two matrices that everything follows from.
 
     Made by `SpaceArm.at`, with its kinematics computed. It never changes: arrays are read-only,

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, plain
 from spacearm.description.bodies import Joint
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError, UnsupportedError
@@ -53,7 +53,7 @@ class Wheel(NamedTuple):
             "name": self.name,
             "frame": self.frame,
             "axis": self.axis.tolist(),
-            **{name: float(x) if np.isfinite(x) else None for name, x in limits.items()},
+            **plain(limits),
         }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.interpolate import BSpline, PPoly
 
-from spacearm.arrays import Array, plain, read_only
+from spacearm.arrays import Array, Integers, plain, read_only
 from spacearm.collisions.bodies import but_for, left_out
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.swept_motion import Floating, Flown, SweptMotion
@@ -174,31 +174,48 @@ class Plan(Drifting, kw_only=True):
     @cached_property
     def swept(self) -> SweptMotion:
         """What is flown, as checks of collisions see it."""
-        start, T = self[0], self[0].base.rotation
         if len(self) == 1:
-            return Floating([start], self.t)
-        steps = self._flown.steps(0.5)
-        floats, drift = self.mode == FLOATING, self.momentum[0, :3] / self.arm.mass
-        rows = [cfg.base.rotation for cfg in self]
-
-        def base(u: float) -> pin.SE3:
-            i, t = min(int(u), len(self) - 1), float(np.interp(u, np.arange(len(self)), self.t))
-            R = rows[i] if floats else T
-            if floats and t > self.t[i]:
-                share = (t - self.t[i]) / (self.t[i + 1] - self.t[i])
-                times = np.linspace(self.t[i], t, 2 + int(steps[i] * share))
-                R = self._flown.attitudes_from(R, times)[-1]
-            pose = placed(start, self.spline(t), R).base
-            return pin.SE3(pose.rotation, pose.translation + t * drift)
-
+            return Floating([self._start], self.t)
+        floats = self.mode == FLOATING
         arm = self.arm if floats else boundless(self.arm)
         turning = self._flown.turning if floats else 0.0
         points = of_spline(self.spline, np.inf)
-        return Flown(arm, points, self.t, base, turning, float(np.linalg.norm(drift)))
+        speed = float(np.linalg.norm(self._drift))
+        return Flown(arm, points, self.t, self._flown_base, turning, speed)
+
+    def _flown_base(self, u: float) -> pin.SE3:
+        """Return the pose of the base between two samples, of which u counts the first."""
+        floats = self.mode == FLOATING
+        i = min(int(u), len(self) - 1)
+        t = float(np.interp(u, np.arange(len(self)), self.t))
+        R = self._attitudes[i if floats else 0]
+        if floats and t > self.t[i]:
+            share = (t - self.t[i]) / (self.t[i + 1] - self.t[i])
+            times = np.linspace(self.t[i], t, 2 + int(self._steps[i] * share))
+            R = self._flown.attitudes_from(R, times)[-1]
+        pose = placed(self._start, self.spline(t), R).base
+        return pin.SE3(pose.rotation, pose.translation + t * self._drift)
+
+    @cached_property
+    def _start(self) -> Configuration:
+        return self[0]
+
+    @cached_property
+    def _attitudes(self) -> list[Array]:
+        return [cfg.base.rotation for cfg in self]
+
+    @cached_property
+    def _steps(self) -> Integers:
+        return self._flown.steps(0.5)
+
+    @property
+    def _drift(self) -> Array:
+        """Velocity of the system CM [m/s]."""
+        return self.momentum[0, :3] / self.arm.mass
 
     @cached_property
     def _flown(self) -> FlownRows:
-        return FlownRows(self[0], self.t, self.q, self.wheels, self.final_rates)
+        return FlownRows(self._start, self.t, self.q, self.wheels, self.final_rates)
 
     @property
     def length(self) -> float:

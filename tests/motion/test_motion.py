@@ -317,7 +317,7 @@ def still(_):
          {"target": [1.0, 0.5], "mode": "free-floating", "gain": 1.0, "servo": 20.0,
           "damping": 0.1, "threshold": 0.2}),
         (sa.JointPD((0.1, 0.2), kp=2, kd=4),
-         {"target": [0.1, 0.2], "kp": 2, "kd": 4, "ki": 0.0, "limit": np.inf}),
+         {"target": [0.1, 0.2], "kp": 2, "kd": 4, "ki": 0.0, "limit": None}),
     ],
 )  # fmt: skip
 def test_controllers_as_plain_data(law, expected):
