@@ -25,6 +25,15 @@ joints.joint_2 = {from = -3, to = 3, points = 120}
 """
 """80 chunks of risk, 8 of a map."""
 
+SMALL = """
+arms = ["planar2"]
+[parameters]
+base_inertia = [1, 3]
+[sigma_min]
+joints.q1 = {from = -3, to = 3, points = 4}
+"""
+"""Two chunks."""
+
 
 def files(store):
     """What every file of a store holds, by path."""

@@ -21,27 +21,6 @@ from spacearm.sweeps.store import dataset
 
 pytest.importorskip("zarr")  # which needs Python 3.11
 
-SMALL = """
-arms = ["planar2"]
-[parameters]
-base_inertia = [1, 3]
-[sigma_min]
-joints.q1 = {from = -3, to = 3, points = 4}
-"""
-"""Two chunks."""
-
-
-@pytest.fixture(scope="module")
-def small():
-    return sa.Study.parse(SMALL)
-
-
-@pytest.fixture(scope="module")
-def sound(small, tmp_path_factory):
-    path = tmp_path_factory.mktemp("sound") / "s.zarr"
-    sa.sweep(small, path, workers=1)
-    return path
-
 
 @pytest.fixture
 def here(monkeypatch):

@@ -10,7 +10,7 @@ import warnings
 import pytest
 import xarray as xr
 from helpers.arms import joint, link, robot, two_links
-from helpers.sweeps import STUDY, files, run, start
+from helpers.sweeps import SMALL, STUDY, files, run, start
 
 import spacearm as sa
 from spacearm.sweeps.runner import run_chunks
@@ -19,29 +19,7 @@ from spacearm.sweeps.toml import meaning
 
 pytest.importorskip("zarr")  # which needs Python 3.11
 
-SMALL = """
-arms = ["planar2"]
-[parameters]
-base_inertia = [1, 3]
-[sigma_min]
-joints.q1 = {from = -3, to = 3, points = 4}
-"""
-"""Two chunks."""
-
-
 RISK = "[risk]\nsigma_min = 1\nbins = [0, 1]\nsamples = "
-
-
-@pytest.fixture(scope="module")
-def small():
-    return sa.Study.parse(SMALL)
-
-
-@pytest.fixture(scope="module")
-def sound(small, tmp_path_factory):
-    path = tmp_path_factory.mktemp("sound") / "s.zarr"
-    sa.sweep(small, path, workers=1)
-    return path
 
 
 @pytest.fixture
