@@ -264,7 +264,7 @@ def identify_held(
 ) -> sa.Identified:
     """Identify the payload."""
     dq, twist = None, None
-    if motion.suffix == ".csv":
+    if motion.suffix.lower() == ".csv":
         measured, dq, twist = read_measured(motion, arm)
     else:
         measured = sa.Motion.load(motion, arm)

@@ -62,10 +62,11 @@ def write_motion(motion: Motion, path: str | os.PathLike[str]) -> Path:
         ['t [s]', 'q joint_1 [rad]']
     """
     path = Path(path)
-    if path.suffix == ".zarr":
+    suffix = path.suffix.lower()
+    if suffix == ".zarr":
         return _zarr(motion, path)
-    require_known("suffix of a motion's file", path.suffix, (*WRITERS, ".zarr"))
-    return write(path, WRITERS[path.suffix](motion))
+    require_known("suffix of a motion's file", suffix, (*WRITERS, ".zarr"))
+    return write(path, WRITERS[suffix](motion))
 
 
 def _csv(motion: Motion) -> bytes:

@@ -232,7 +232,7 @@ def recorded(path: Path, topic: str) -> Iterator[Any]:
         UnsupportedError: The library for MCAP is not installed (pip install 'spacearm[mcap]').
         ConfigurationError: The file cannot be read, or has no message of the topic.
     """
-    if path.suffix != ".mcap":
+    if path.suffix.lower() != ".mcap":
         try:
             with path.open(encoding="utf-8-sig") as file:
                 yield from file

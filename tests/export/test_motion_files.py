@@ -102,6 +102,16 @@ def test_zarr(way, tmp_path):
     assert (other / "letters").exists()
 
 
+def test_suffixes_in_capitals_are_those_in_small_letters(way, tmp_path):
+    small, large = (sa.write_motion(way, tmp_path / name) for name in ("way.csv", "WAY.CSV"))
+    assert small.read_bytes() == large.read_bytes()
+    pytest.importorskip("zarr", reason="needs Python 3.11")
+    store = sa.write_motion(way, tmp_path / "WAY.ZARR")
+    assert sa.write_motion(way, store) == store  # replaced, as one of its kind
+    with xr.open_zarr(store) as found:
+        np.testing.assert_allclose(found["q"], way.q, atol=0)
+
+
 def test_a_bag_of_ros_messages(pushed, tmp_path):
     reader = pytest.importorskip("mcap.reader")
     decoder = pytest.importorskip("mcap_ros2.decoder")

@@ -389,7 +389,7 @@ class Source:
 
 def in_xacro(path: Path, root: etree._Element) -> bool:
     """Whether a file is a xacro source, by its name or an element in it."""
-    return path.suffix == ".xacro" or any(
+    return path.suffix.lower() == ".xacro" or any(
         element.prefix == "xacro" or "/xacro" in (etree.QName(element).namespace or "")
         for element in root.iter(etree.Element)  # the namespace has had several addresses
     )

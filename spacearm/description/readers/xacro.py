@@ -276,7 +276,7 @@ def _sources(source: Path, packages: Packages) -> Iterator[Path]:
 
 
 def _document(file: Path) -> etree._Element | None:
-    if file.suffix in (".yaml", ".yml"):
+    if file.suffix.lower() in (".yaml", ".yml"):
         return None
     try:
         return xml(mended(read(file)))
