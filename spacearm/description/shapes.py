@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import codecs
 import io
 import logging
 import re
 import zipfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import cache, lru_cache, partial
+from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -17,10 +16,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 import pinocchio as pin
 import scipy
-from lxml import etree
 
 from spacearm.arrays import LARGEST, Array, Integers
-from spacearm.description import gltf
+from spacearm.description import gltf, mesh_files
+from spacearm.description.mesh_files import (
+    PER_BYTE,
+    PER_TRIANGLE,
+    UnboundedError,
+    binary_triangles,
+    obj_vertices,
+    require,
+    require_few,
+    stl_corners,
+    text_of,
+)
 from spacearm.errors import ModelError, listed, warn
 from spacearm.files import lies_in, named_files, read
 from spacearm.processes import VARIABLE, WorkerError, call_within, memory_limit
@@ -301,17 +310,10 @@ FEWEST = 100
 FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf")
 #: Largest size of a mesh file [bytes].
 LARGEST_MESH = 10**8
-#: Largest number of triangles of a mesh: a file may place one part any number of times.
-MOST_TRIANGLES = 2 * 10**6
-#: Upper bounds of the memory for reading a mesh: for each byte of a text or of JSON, and for each
-#: triangle or vertex of a binary file [bytes].
-PER_BYTE, PER_TRIANGLE = 120, 500
 #: Time that reading a mesh in a process of its own may take [s].
 SECONDS = 60.0
 #: Levels of folders above a mesh that may be its package.
 LEVELS = 5
-#: Largest number of nodes of a COLLADA scene.
-MOST_NODES = 10_000
 #: Turns the up axis of a mesh to z, and right, as COLLADA has it, to x.
 UPRIGHT = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
@@ -331,33 +333,18 @@ def mesh_bounds(path: Path) -> Array | None:
         return None
 
 
-#: A vertex in the text of an STL or OBJ file.
-VERTEX = re.compile(rb"^[ \t]*v(?:ertex)?[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", re.MULTILINE)
-
-
 @lru_cache(maxsize=1024)
 def _bounds(path: Path, _: int) -> Array | None:
     """Return the bounds of a mesh file, kept until it changes."""
-    suffix = path.suffix.lower()
-    if suffix not in (".stl", ".obj"):
-        return np.array(read_mesh(path).bounds)
-    content = _content(path)
-    if suffix == ".stl" and _binary_triangles(content):
-        fields = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
-        return _ends(np.frombuffer(content, fields, offset=84)["corners"])
-    vertices = (found.groups() for found in VERTEX.finditer(content))
-    ends = [_ends(some) for some in iter(lambda: list(islice(vertices, BLOCK)), [])]
-    return _ends(ends) if ends else None
-
-
-#: Number of vertices of a text that are in memory at a time.
-BLOCK = 10_000
-
-
-def _ends(vertices: Any) -> Array:
-    """Return the least and the largest coordinates (2, 3) of vertices, numbers or texts."""
-    points = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
-    return np.stack((points.min(axis=0), points.max(axis=0)))
+    match path.suffix.lower():
+        case ".stl":
+            solids = stl_corners(_content(path))
+            vertices = np.concatenate([np.zeros((0, 3)), *solids])
+        case ".obj":
+            vertices = obj_vertices(_content(path))
+        case _:
+            return np.array(read_mesh(path).bounds)
+    return np.stack((vertices.min(axis=0), vertices.max(axis=0))) if len(vertices) else None
 
 
 #: Marks in written files a mesh that is `turned`; other readers pass over it.
@@ -447,7 +434,7 @@ def _mesh(path: Path) -> trimesh.Trimesh:
     memory = memory_limit()
     try:
         vertices, faces = _arrays(path, memory)
-    except _UnboundedError:
+    except UnboundedError:
         try:
             vertices, faces = call_within(SECONDS, memory, partial(_arrays, path, np.inf))
         except WorkerError as error:
@@ -458,22 +445,6 @@ def _mesh(path: Path) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
-class _UnboundedError(Exception):
-    """Reading a mesh file may take more memory than it may take here."""
-
-
-def _require(need: float, memory: float) -> None:
-    """Refuse to read a mesh that may take more memory than it may [bytes]."""
-    if need > memory:
-        raise _UnboundedError
-
-
-def _require_few(triangles: int) -> None:
-    """Refuse a mesh without triangles, and one of too many."""
-    if not 0 < triangles <= MOST_TRIANGLES:
-        raise ValueError(f"it has {triangles:,} triangles; give 1 to {MOST_TRIANGLES:,}")
-
-
 def _arrays(path: Path, memory: float) -> tuple[Array, Integers]:
     """Return the vertices (n, 3) and faces (m, 3) of a mesh file.
 
@@ -482,7 +453,7 @@ def _arrays(path: Path, memory: float) -> tuple[Array, Integers]:
         memory: Memory that reading it may take [bytes].
 
     Raises:
-        _UnboundedError: It may take more; nothing large has been allocated.
+        UnboundedError: It may take more; nothing large has been allocated.
         ValueError: The file is faulty; its reader raises other errors too.
     """
     suffix = path.suffix.lower()
@@ -495,7 +466,7 @@ def _arrays(path: Path, memory: float) -> tuple[Array, Integers]:
         if suffix in (".glb", ".gltf"):
             vertices, faces = _gltf(path, content, memory)
         else:
-            vertices, faces = _scene(suffix, content, memory)
+            vertices, faces = mesh_files.triangles_of(suffix, content, memory)
     if not (np.abs(vertices) <= LARGEST).all():
         raise ValueError(f"it has coordinates that are not finite or beyond {LARGEST:g}")
     return vertices, faces
@@ -503,57 +474,21 @@ def _arrays(path: Path, memory: float) -> tuple[Array, Integers]:
 
 def _gltf(path: Path, content: bytes, memory: float) -> tuple[Array, Integers]:
     """Return the vertices and faces of a glTF or GLB file, z up."""
-    _require(PER_BYTE * gltf.text_size(content), memory)
+    require(PER_BYTE * gltf.text_size(content), memory)
     document, binary = gltf.chunks(content)
     files = _buffers(path, document) if path.suffix.lower() == ".gltf" else {}
     scene = gltf.scene_of(document, binary, files)
-    _require_few(scene.triangles)
-    _require(PER_TRIANGLE * (scene.triangles + scene.vertices), memory)
+    require_few(scene.triangles)
+    require(PER_TRIANGLE * (scene.triangles + scene.vertices), memory)
     vertices, faces = gltf.triangles_of(scene)
     return vertices @ UPRIGHT["Y_UP"].T, faces
 
 
-#: A line of an OBJ file that names a material: its triangles are read apart from the others.
-MATERIAL = re.compile(rb"^[ \t]*usemtl[^\n]*", re.MULTILINE)
-
-
-def _scene(suffix: str, content: bytes, memory: float) -> tuple[Array, Integers]:
-    """Return the vertices and faces of what a file that is not glTF places."""
-    import trimesh
-
-    metre = 1.0
-    if suffix == ".stl" and (triangles := _binary_triangles(content)):
-        _require_few(triangles)
-        _require(PER_TRIANGLE * triangles, memory)
-    else:
-        _require(PER_BYTE * len(content), memory)
-    if suffix == ".dae":
-        content, metre, copies = _plain(content)
-        _require(PER_BYTE * len(content) * copies, memory)
-    elif suffix == ".obj":
-        content = MATERIAL.sub(b"", content)
-    file = io.BytesIO(content)
-    scene = trimesh.load_scene(file, file_type=suffix[1:], resolver={}, process=False)
-    solids = {n: p for n, p in scene.geometry.items() if isinstance(p, trimesh.Trimesh)}
-    places = [scene.graph[node][1] for node in scene.graph.nodes_geometry]
-    _require_few(sum(len(solids[name].faces) for name in places if name in solids))
-    for solid in solids.values():
-        solid.merge_vertices()
-    mesh: trimesh.Trimesh = scene.to_mesh()
-    return metre * np.asarray(mesh.vertices), np.asarray(mesh.faces)
-
-
-def _binary_triangles(stl: bytes) -> int:
-    """Return the number of triangles of a binary STL; 0 for a text or a damaged file."""
-    triangles = int.from_bytes(stl[80:84], "little")
-    return triangles if len(stl) == 84 + 50 * triangles else 0
-
-
 def _content(path: Path) -> bytes:
-    """Return the content of a mesh file, of text without the byte-order mark of UTF-8."""
+    """Return the content of a mesh file, a text in UTF-8 without a byte-order mark."""
     content = read(path, LARGEST_MESH)
-    binary = path.suffix.lower() == ".stl" and _binary_triangles(content) > 0
-    return content if binary else content.removeprefix(codecs.BOM_UTF8)
+    binary = path.suffix.lower() == ".stl" and binary_triangles(content) > 0
+    return content if binary else text_of(content)
 
 
 def _buffers(path: Path, document: dict[str, Any]) -> dict[str, bytes]:
@@ -583,36 +518,6 @@ def _buffers(path: Path, document: dict[str, Any]) -> dict[str, bytes]:
         found[name] = read(named.found[0], left)
         left -= len(found[name])
     return found
-
-
-def _plain(collada: bytes) -> tuple[bytes, float, int]:
-    """Return a COLLADA file, its unit [m] and the number of nodes that it places.
-
-    The file is checked for what can grow beyond bounds: entities, nested nodes and the corners of
-    polygons.
-    """
-    if b"<!DOCTYPE" in collada:
-        raise ValueError("it declares a DOCTYPE: remove it")
-    root = etree.fromstring(collada, etree.XMLParser(encoding="utf-8", huge_tree=True))
-    named = {f"#{node.get('id')}": node for node in root.iter("{*}node")}
-
-    @cache
-    def placed(node: etree._Element) -> int:
-        instances = (named.get(i.get("url", "")) for i in node.iterchildren("{*}instance_node"))
-        inner = [*node.iterchildren("{*}node"), *(node for node in instances if node is not None)]
-        return 1 + sum(map(placed, inner))
-
-    nodes = sum(map(placed, root.iter("{*}visual_scene")))
-    corners = sum(int(n) for e in root.iter("{*}vcount") for n in (e.text or "").split())
-    if corners > len(collada):
-        raise ValueError(f"its polygons have {corners:,} corners, and it has fewer bytes")
-    if nodes > MOST_NODES:
-        raise ValueError(f"it places more than {MOST_NODES:,} nodes")
-    unit = root.find("{*}asset/{*}unit")
-    metre = 1.0 if unit is None else float(unit.get("meter", "1"))
-    if not 0.0 < metre <= LARGEST:
-        raise ValueError(f"its unit is {metre:g} m; give a positive length")
-    return etree.tostring(root), metre, nodes
 
 
 def coarsened(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
