@@ -123,7 +123,9 @@ def check_path(
     as_json: opt.AsJson = False,
 ) -> int:
     """Certify a joint path."""
-    given = sa.Motion.load(file, arm) if file.suffix.lower() == ".npz" else _postures(arm, file, deg)
+    given = (
+        sa.Motion.load(file, arm) if file.suffix.lower() == ".npz" else _postures(arm, file, deg)
+    )
     Q, way = path_rows(arm, given), control_points(arm, given)
     with working("proving") as progress:
         wanted = opt.radians(clearance, deg, 0.0)

@@ -183,7 +183,9 @@ def _named_link(source: Source, element: etree._Element, links: Collection[str])
     if link not in links:
         joint = element.getparent()
         owner = "" if joint is None or joint.tag != "joint" else f" of joint {joint.get('name')!r}"
-        part = ", or load the file that includes this one" * (source.path.suffix.lower() == ".xacro")
+        part = ", or load the file that includes this one" * (
+            source.path.suffix.lower() == ".xacro"
+        )
         source.fail(f"{element.tag!s}{owner}: {unknown('link', link, links)}", f"name one{part}")
     return link
 
