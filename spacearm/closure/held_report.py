@@ -16,11 +16,11 @@ import pinocchio as pin
 
 from spacearm import results
 from spacearm.arrays import Array, Progress, counted, within
-from spacearm.closure.closing import ClosedMotions, Closure, closed_motions, named, placed
+from spacearm.closure.closed_distances import OPEN, ClosedSearch, closed_distances
+from spacearm.closure.closing import Closure, closed_motions, named, placed
 from spacearm.description.loops import balls
 from spacearm.errors import ConfigurationError, listed, require_known
-from spacearm.mechanics.distance import Linearisation, RankDistances, project, rank_distances
-from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
+from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.mechanics.target import Target
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
@@ -28,19 +28,11 @@ from spacearm.model.frames import pose_facts
 from spacearm.model.joints import joint_scales
 from spacearm.singularities.nearest import angle, nearness
 from spacearm.singularities.report import FAR, Kind, singularity, to_first_order
-from spacearm.singularities.rounding import error_bars
 
 #: What a unit of wrench, lost by the hands, does to the target at most if it squeezes it only.
 SQUEEZE = 1e-2
-#: Steps to the nearest singular posture at most, and the longest [rad].
-STEPS, STRIDE = 60, 0.3
-#: Distance from the set at which a posture is singular, and the last step [rad].
-THERE, SETTLED = 1e-8, 1e-6
-
 #: How far hinges lock that are what is near, as shares of the distance: least, and most.
 LOCKING = (0.1, 1.1)
-#: What may be left open of a closed posture.
-OPEN = 1e-9
 #: Most points along each direction.
 MOST_POINTS = 401
 
@@ -59,8 +51,9 @@ class HeldReport(results.Result):
         kind: "regular"; "closure" if the grasps lose rank, so that a squeeze needs no torque;
             else "kinematic" if it is singular with the spacecraft fixed too; else "dynamic".
         distance: How far the nearest singular posture along closure is [rad]. If `nearest` is
-            there, it is the distance of that one, so the nearest of all is no farther; else an
-            estimate to first order. inf where no small motion along closure reaches one.
+            there, it is the distance of that one, an upper bound found by search. Else it is a
+            first-order estimate, which may be several times too long or somewhat too short; inf
+            where no small motion along closure reaches a singular posture.
         distance_proven: No singular posture is nearer than this [rad], proven, closed or not; zero
             where nothing is proven, as without `exact`.
         away: (n,) joint motion [rad] or [m] along closure, per radian, that leads away from it.
@@ -103,7 +96,7 @@ class HeldReport(results.Result):
             return f"{kind}, along closure: {near}{self._locking}"
         if self.distance > FAR:
             return f"{kind}, along closure: {to_first_order(self.distance)}"
-        far = f"about {angle(self.distance)} away along closure, to first order"
+        far = f"about {angle(self.distance)} away along closure, first-order estimate"
         return f"{kind}: a singular posture {far}{self._locking}"
 
     @property
@@ -216,9 +209,9 @@ def held_report(
     hands, nearest = None, None
     if exact:
         hands = singularity(cfg, mode=mode, exact=True, progress=progress)
-        nearest = nearest_closed(
-            cfg, target, Closure(arm, tuple(grasps.values()), False, False), mode
-        )
+        search = ClosedSearch(Closure(arm, tuple(grasps.values()), False, False), mode)
+        search.look(cfg, target)
+        nearest = search.nearest(cfg.q)
     if nearest is not None:
         distance = float(np.linalg.norm((nearest - cfg.q) / unit))
         away = (cfg.q - nearest) / distance if distance > tolerance else away
@@ -241,48 +234,6 @@ def held_report(
     )
 
 
-def closed_distances(cfg: Configuration, closed: ClosedMotions, mode: BaseMode) -> RankDistances:
-    """Compute how far along closure the stacked J* of the hands loses rank, to first order.
-
-    Of arms with fewer joints than rows it is the joint motions that become dependent.
-    """
-    unit, Z = joint_scales(cfg.arm), closed.motions
-    J = task_jacobian(cfg, mode=mode) * unit
-    dJ = task_jacobian_derivative(cfg, mode=mode) * unit * unit[:, None, None]
-    along = np.tensordot(Z.T, dJ, axes=1)
-    if J.shape[0] > J.shape[1]:
-        J, along = J.T, along.swapaxes(1, 2)
-    if not Z.shape[1]:  # rigid
-        return RankDistances(np.full(len(J), np.inf), 0.0, np.zeros((1, 0)))
-    return rank_distances(J, along, error_bars(cfg, mode=mode).sigma * float(unit.max()))
-
-
-def nearest_closed(
-    cfg: Configuration, target: Target | None, closure: Closure, mode: BaseMode
-) -> Array | None:
-    """Return the singular posture (n,) found nearest to a closed one along closure, if any.
-
-    The steps lead to the point nearest to the start on the set as it is linearised along closure,
-    as in `mechanics.distance`; closure follows after each.
-    """
-    unit, start, step = joint_scales(cfg.arm), cfg.q, np.inf
-    for _ in range(STEPS):
-        closed = closed_motions(cfg, target, mode)
-        near = closed_distances(cfg, closed, mode)
-        if not np.isfinite(near.distances[-1]):
-            return None
-        if near.distances[-1] <= THERE and step <= SETTLED:
-            return cfg.q
-        seen = Linearisation(near.distances[-1:], np.array([near.sigma]), near.rows[None])
-        offset = closed.motions.T @ ((cfg.q - start) / unit)
-        way = project(seen, offset[None])[0] - offset
-        step = float(np.linalg.norm(way))
-        q = cfg.q + unit * (closed.motions @ way) * min(1.0, STRIDE / step)
-        frame = cfg.base.actInv(target.pose if target else pin.SE3.Identity())
-        cfg, target = placed(cfg, target, *closure.solved(q, frame))
-    return None
-
-
 def _moved(target: Target | None) -> str:
     return target.name if target else "the spacecraft"
 
@@ -297,8 +248,9 @@ class ClosedMap(results.Result):
         mode: What the spacecraft does.
         axes: The two directions, rows of the task.
         moves: (2, N) how far it is moved along, or turned about, each [m] or [rad].
-        distance: (N, N) how far the nearest singular posture along closure is, to first order
-            [rad], by moves along the first and the second; NaN where nothing closed was reached.
+        distance: (N, N) first-order estimate of how far the nearest singular posture along closure
+            is [rad], by moves along the first and the second; NaN where nothing closed was reached.
+            Errors as of `HeldReport.distance`.
         sigma_min: (N, N) the least singular value of its map, of `HeldReport.sigma`; NaN there too.
         q: (N, N, n) joint positions [rad] or [m].
     """
@@ -323,7 +275,7 @@ class ClosedMap(results.Result):
             f"moved along {axis}": results.Measure(moves[[0, -1]], "m" if len(axis) == 1 else "rad")
             for axis, moves in zip(self.axes, self.moves, strict=True)
         }
-        facts["least distance, to first order"] = results.Measure(least, "rad")
+        facts["least distance, first-order estimate"] = results.Measure(least, "rad")
         return results.Description(
             title=f"{arm.name} holding {named(self.target)}, {self.mode}: over "
             f"{' and '.join(self.axes)}",

@@ -101,9 +101,10 @@ class Held(Result):
             mode: What the spacecraft does; see `generalized_jacobian`. It does not matter if the
                 fixed world is held.
             tolerance: Distance along closure up to which a posture is singular [rad].
-            exact: Whether to find the nearest singular posture along closure, and to prove how far
-                singular postures of the free hands are at least, which holds along closure too; see
-                `singularity`. Kind and directions are still decided to first order.
+            exact: Whether to search for the nearest singular posture along closure, and to certify
+                how far singular postures of the free hands are at least, which holds along closure
+                too; see `singularity`. Kind and directions are still decided by first-order
+                estimates. Without it the distance is a first-order estimate.
             progress: As in `singularity`, for `exact`.
 
         Returns:
@@ -141,7 +142,7 @@ class Held(Result):
             progress: Called with the number of postures done, and of all.
 
         Returns:
-            Distances to first order and least singular values, which `sa.plot` draws.
+            First-order estimates of distances, and least singular values, which `sa.plot` draws.
 
         Raises:
             ConfigurationError: A value is not valid.
@@ -187,7 +188,7 @@ class Held(Result):
 
         Returns:
             The motion of the arms with the target, up to where it ended, and at each row the gaps
-            of the grasps and the distance along closure. Between the rows nothing is checked.
+            of the grasps and the distance found along closure. Between the rows nothing is checked.
 
         Raises:
             ConfigurationError: An argument does not make sense, or the start is singular or, where
@@ -228,9 +229,9 @@ class Held(Result):
             frame: Where it is given: in the "inertial" frame, or in that of the "spacecraft" at the
                 end. The motions are straight in this frame.
             mode: What the spacecraft does; see `generalized_jacobian`.
-            constraints: What must hold; see `plan`. `clearance` is along closure and to first
-                order. Limits, clearance and `keep_attitude` are checked at the rows. That no bodies
-                meet on the way is proven; hands may touch the target.
+            constraints: What must hold; see `plan`. `clearance` is along closure, to the nearest
+                singular posture found by search. Limits, clearance and `keep_attitude` are checked
+                at the rows. That no bodies meet on the way is proven; hands may touch the target.
             search: Seed, timeout and progress; there is one method.
 
         Returns:

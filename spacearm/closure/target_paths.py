@@ -20,22 +20,23 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.closure.closed_distances import ClosedSearch, closed_distances
 from spacearm.closure.closing import Closure, Gaps, carried, closed_motions
-from spacearm.closure.held_report import closed_distances, nearest_closed
 from spacearm.description.tree import Tree, free_name
 from spacearm.errors import UnsupportedError, require_known
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.mechanics.target import Target
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
-from spacearm.model.joints import joint_scales
 from spacearm.motion import following
 from spacearm.motion import goal as goals
 from spacearm.motion.motion_file import Quantity
 from spacearm.results import Cell, Description, Measure, Table
 
-#: How many times the distance along closure the first-order estimate may be.
-TOO_LONG = 10.0
+#: How many rows of a motion are searched at most, and from how many of them in all directions.
+SEARCHED, WIDELY = 40, 4
+#: From how many random postures these are.
+TRIES = 4
 
 
 def with_target(
@@ -115,28 +116,45 @@ class Carrying:
         cfg = kinematics(self.free, q, pin.SE3.Identity())
         return self._closure.solved(q, self.frame(cfg))[0]
 
-    def distance(self, cfg: Configuration, mode: BaseMode, within: float = 0.0) -> float:
-        """Return how far a singular posture is along closure [rad].
-
-        To first order; if that is up to `TOO_LONG` times `within`, the nearest one is searched too,
-        and the smaller of both distances is returned.
+    def search(self, mode: BaseMode) -> ClosedSearch:
+        """Return a search for singular postures along closure.
 
         Args:
-            cfg: The configuration.
             mode: What the spacecraft does.
-            within: Distance that matters [rad].
         """
-        hands = kinematics(self.free, cfg.q.copy(), cfg.base)
-        held = self.target.replace(pose=self.frame(cfg))
-        closed = closed_motions(hands, held, mode)
-        estimate = float(closed_distances(hands, closed, mode).distances[-1])
-        if not within or estimate > TOO_LONG * within:
-            return estimate
-        found = nearest_closed(hands, held, self._closure, mode)
-        if found is None:
-            return estimate
-        way = (found - hands.q) / joint_scales(self.free)
-        return min(estimate, float(np.linalg.norm(way)))
+        return ClosedSearch(self._closure, mode)
+
+    def hands(self, cfg: Configuration) -> tuple[Configuration, Target]:
+        """Return a configuration without the target, and the target where it is."""
+        free = kinematics(self.free, cfg.q.copy(), cfg.base)
+        return free, self.target.replace(pose=self.frame(cfg))
+
+    def closure_distances(
+        self, mode: BaseMode, rows: Sequence[Configuration], search: ClosedSearch | None = None
+    ) -> Array:
+        """Return how far the nearest singular postures found along closure are (m,) [rad].
+
+        At most `SEARCHED` rows are searched; what they find counts for the others too. If nothing
+        is found at all, the distances are first-order estimates.
+
+        Args:
+            mode: What the spacecraft does.
+            rows: The rows of a motion.
+            search: A search that knows some singular postures.
+        """
+        search = self.search(mode) if search is None else search
+        chosen = np.unique(np.linspace(0, len(rows) - 1, SEARCHED).astype(int))
+        widely = chosen[np.unique(np.linspace(0, len(chosen) - 1, WIDELY).astype(int))]
+        for i in [*widely, *chosen]:
+            search.look(*self.hands(rows[i]), tries=TRIES if i in widely else 0)
+        if search.found:
+            return np.array([search.distance(cfg.q) for cfg in rows])
+        near = list[float]()
+        for cfg in rows:
+            free, held = self.hands(cfg)
+            closed = closed_motions(free, held, mode)
+            near.append(float(closed_distances(free, closed, mode, ranks=1).distances[-1]))
+        return np.array(near)
 
     @property
     def touching(self) -> list[frozenset[str]]:
@@ -147,10 +165,13 @@ class Carrying:
         return [frozenset((a, b)) for a in self._parts for b in holding - self._parts]
 
     def told(
-        self, mode: BaseMode, rows: Sequence[Configuration], within: float = 0.0
+        self,
+        mode: BaseMode,
+        rows: Sequence[Configuration],
+        search: ClosedSearch | None = None,
     ) -> dict[str, Any]:
         """Return what rows tell of closure along a motion, by the fields of `FollowedTarget`."""
-        near = np.array([self.distance(cfg, mode, within) for cfg in rows])
+        near = self.closure_distances(mode, rows, search)
         return {"closure_distance": near, **self.account(rows)}
 
     def account(self, rows: Sequence[Configuration]) -> dict[str, Any]:
@@ -185,8 +206,8 @@ class FollowedTarget(following.Followed, kw_only=True):
         target: (m, 7) poses of the target: position [m], quaternion xyzw, inertial frame.
         gap: (m,) largest distance of a tip from its grasp [m].
         gap_angle: (m,) largest angle between them [rad].
-        closure_distance: (m,) how far the nearest singular posture along closure is [rad]: to first
-            order, and of plans with a search wherever the clearance is in doubt.
+        closure_distance: (m,) how far the nearest singular posture found along closure is [rad], an
+            upper bound found by search; first-order estimates where none is found at all.
     """
 
     target: Array
@@ -215,7 +236,7 @@ def gaps_table(motion: Any) -> Table:
     }
     if hasattr(motion, "closure_distance"):
         least = float(motion.closure_distance.min())
-        facts["singular posture along closure, to first order"] = Measure(least, "rad")
+        facts["nearest singular posture found along closure"] = Measure(least, "rad")
     return Table.facts(facts, "At the rows")
 
 

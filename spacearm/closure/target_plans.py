@@ -152,7 +152,9 @@ class TargetTree:
         bodies = Collisions(arm, obstacles_of(constraints.obstacles, start), carrying.touching)
         self.bodies = bodies if constraints.collisions and bodies else None
         self.length = arm.task.length or 1.0
-        here = carrying.distance(start, mode, np.inf)
+        self.near = carrying.search(mode)
+        self.near.look(*carrying.hands(start))
+        here = self.near.least(*carrying.hands(start), np.inf)
         least = constraints.clearance
         self.clearance = min(LEAST, 0.5 * here) if least is None else float(least)
         if here < self.clearance:
@@ -210,7 +212,7 @@ class TargetTree:
             clearance=self.clearance,
             checked="" if self.bodies is None else self.bodies.account,
             **told,
-            **carrying.told(mode, rows, self.clearance),
+            **carrying.told(mode, rows, self.near),
         )
         if not plan.arrived:
             return plan, f"ends on the way: {plan.reason}"
@@ -240,11 +242,10 @@ class TargetTree:
             met = self.bodies.contact(Floating([cfg], np.zeros(1)))
             self.contacts[" meets ".join(map(repr, met.links)) if met else ""] += 1
             return "contact"
-        if step % EACH == 0:
-            near = self.carrying.distance(cfg, self.mode, self.clearance)
-            if near < self.clearance:
-                return "singular"
-        return ""
+        if step % EACH:
+            return ""
+        near = self.near.least(*self.carrying.hands(cfg), self.clearance)
+        return "singular" if near < self.clearance else ""
 
     def branch(self, cfg: Configuration, to: pin.SE3) -> tuple[list[Configuration], str]:
         """Lead the target straight to a pose; return the rows, and what stopped it, if anything."""

@@ -69,10 +69,12 @@ def bounded_peaks(
     bends: Callable[[Array, Array], Array],
     t: Array,
     margin: float = MARGIN,
+    allowed: Array | float = 0.0,
 ) -> Peaks:
     """Bound the largest absolute values of k functions of time.
 
-    Intervals are halved where the bound exceeds the largest value found by more than the margin.
+    Intervals are halved where the bound exceeds the largest value found by more than the margin,
+    and what is allowed.
 
     Args:
         values: Takes times (p,) and returns values (p, k), or lengths (p, k) of vectors.
@@ -80,6 +82,7 @@ def bounded_peaks(
             the second derivatives.
         t: (m,) times between which the functions are twice differentiable, increasing [s].
         margin: Largest share of a peak by which its bound may exceed the largest value found.
+        allowed: (k,) values up to which a bound may be looser than that.
     """
     at = np.abs(values(t))
     best, when = at.max(axis=0), t[at.argmax(axis=0)]
@@ -90,7 +93,7 @@ def bounded_peaks(
         if not len(begin):
             break
         upper = ends + width[:, None] ** 2 / 8.0 * bends(begin, width)
-        doubtful = (upper > (1.0 + margin) * best).any(axis=1)
+        doubtful = (upper > np.maximum((1.0 + margin) * best, allowed)).any(axis=1)
         if halving == HALVINGS:
             doubtful[:] = False
         bound = np.maximum(bound, upper[~doubtful].max(axis=0, initial=0.0))

@@ -6,8 +6,10 @@ hold its attitude and take up that momentum.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -20,12 +22,17 @@ from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.flights import Grasp, held_loads, load_peaks
 from spacearm.motion.motion import Drifting
+from spacearm.planning.account import TimeUpError
 from spacearm.planning.many_curves import steered_attitudes
 from spacearm.planning.reactions import Wheels, load_of
 from spacearm.singularities.sets import prove_regular
 
-#: Durations of the braking that are tried [s].
-BRAKES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+#: Times of the braking that are tried until one suffices or leads too far [s].
+LONGER = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+#: Times that are tried where 1 s leads too far [s].
+SHORTER = (0.5, 0.25, 0.125, 0.0625, 0.03125)
+#: Ratio of a braking time to one that is too short, below which it is not shortened further.
+FINE = 1.01
 #: Steps in which the braking is integrated.
 STEPS = 60
 
@@ -68,6 +75,74 @@ class Braking(Drifting):
         return np.linalg.norm(self.wrench.reshape(-1, 2, 3), axis=2).max(axis=0)
 
 
+AnyBraking = TypeVar("AnyBraking", bound=Braking)
+
+
+@dataclass(frozen=True)
+class BrakingTry(Generic[AnyBraking]):
+    """What came of a braking time.
+
+    Attributes:
+        brake: The braking; None if it is not possible.
+        too_long: Whether a longer one is not possible either, as it leads farther.
+        why: Why it is not possible.
+    """
+
+    brake: AnyBraking | None
+    too_long: bool
+    why: str
+
+
+def shortest(tried: Callable[[float], BrakingTry[AnyBraking]]) -> AnyBraking:
+    """Return the shortest braking that is possible.
+
+    Times are doubled from 1 s up to 32 s until one is possible or leads too far. Bisection then
+    shortens it to within 1 % of a time that is too short. If 1 s leads too far, times are halved
+    instead. So no braking is shorter than 1 s unless that leads too far.
+
+    Args:
+        tried: Returns the braking in a duration [s], or why it is not possible.
+
+    Raises:
+        NoSolutionError: None of the times tried is possible; says why.
+        TimeUpError: The time is up, and none is found.
+    """
+    too_short, long = 0.0, math.inf
+    for duration in LONGER:
+        found = tried(duration)
+        if found.brake is not None or found.too_long:
+            long = duration
+            break
+        too_short = duration
+    if too_short == 0.0 and found.too_long:
+        for duration in SHORTER:
+            found = tried(duration)
+            if not found.too_long:
+                break
+            long = duration
+        if found.brake is None and not found.too_long:
+            too_short = duration
+    best, why = found.brake, found.why
+    while 0.0 < too_short < long / FINE < math.inf:
+        middle = math.sqrt(too_short * long)
+        try:
+            found = tried(middle)
+        except TimeUpError:
+            if best is None:
+                raise
+            break
+        why = found.why
+        if found.brake is None and not found.too_long:
+            too_short = middle
+            continue
+        long = middle
+        if found.brake is not None:
+            best = found.brake
+    if best is None:
+        raise NoSolutionError(why)
+    return best
+
+
 def braked(
     held: Configuration,
     dq: Array,
@@ -78,7 +153,9 @@ def braked(
     wheels: Wheels | None = None,
     check_time: Callable[[], None] | None = None,
 ) -> Braking:
-    """Return the shortest braking tried that keeps limits, torques and what the grapple bears.
+    """Return the shortest braking that keeps limits, torques and what the grapple bears.
+
+    Torques and loads are kept at every instant: what counts are bounds, 0.5 % too large at most.
 
     Args:
         held: The arm with what it holds, and the momentum of both.
@@ -93,47 +170,79 @@ def braked(
 
     Raises:
         NoSolutionError: None of them does; says why.
+        TimeUpError: The time is up, and none is found.
     """
-    arm, why = held.arm, ""
     if wheels is not None and (full := np.abs(wheels.start) > wheels.capacity).any():
         i = int(full.argmax())
         raise NoSolutionError(
             f"wheel {wheels.names[i]} would come to hold {wheels.start[i]:.4g} of at most "
             f"{wheels.capacity[i]:.4g} N m s"
         )
-    mode = FLOATING if wheels is None else HELD
-    for duration in BRAKES:
-        if check_time is not None:
-            check_time()
+    request = StraightBraking(held, dq, body, limits, efforts, bears, wheels, check_time)
+    brake = shortest(request.tried)
+    assert brake.peaks is not None  # within the limits, otherwise loose
+    try:
+        peaks = load_peaks(brake, body, check_time)
+    except TimeUpError:
+        return brake
+    peaks = peaks._replace(bound=np.minimum(peaks.bound, brake.peaks.bound))
+    return replace(brake, peaks=peaks)
+
+
+@dataclass(frozen=True)
+class StraightBraking:
+    """A braking that is asked for, as of `braked`."""
+
+    held: Configuration
+    dq: Array
+    body: Grasp
+    limits: bool
+    efforts: Array
+    bears: Array
+    wheels: Wheels | None
+    check_time: Callable[[], None] | None
+
+    def tried(self, duration: float) -> BrakingTry[Braking]:
+        """Return the braking in a duration [s], or why it is not possible."""
+        if self.check_time is not None:
+            self.check_time()
+        arm, mode = self.held.arm, FLOATING if self.wheels is None else HELD
         s = np.linspace(0.0, 1.0, 2 * STEPS + 1)
-        q = held.q + np.outer(duration * (s - s**3 + 0.5 * s**4), dq)
-        if limits and outside(arm, q[-1]):
-            why = f"braking in {duration:g} s leads beyond the joint limits"
-            break
-        rates, ddq = np.outer(1 - 3 * s**2 + 2 * s**3, dq), np.outer(6 * (s**2 - s), dq)
-        motion = _drifting(held, body, duration * s, q, rates, ddq / duration, mode)
+        q = self.held.q + np.outer(duration * (s - s**3 + 0.5 * s**4), self.dq)
+        if self.limits and outside(arm, q[-1]):
+            why = f"braking in {duration:.3g} s leads beyond the joint limits"
+            return BrakingTry(None, True, why)
         proof = prove_regular(arm, q[[0, -1]], mode=mode)
         if proof is not None and not proof.free:
-            why = f"braking in {duration:g} s leads through a singular posture"
-            break
-        fits = (motion.largest_torques <= efforts).all() and (motion.borne <= bears).all()
-        if fits:
-            motion = replace(motion, peaks=load_peaks(motion, body, check_time))
-        torque = float((motion.largest_torques / efforts).max())
-        force, moment = motion.borne
-        why = (
-            f"braking in {duration:g} s takes {torque:.3g} times the torque of a joint, and "
-            f"{force:.3g} N and {moment:.3g} N m of the grapple"
-        )
-        if torque <= 1.0 and force <= bears[0] and moment <= bears[1]:
-            if wheels is None:
-                return motion
-            load = load_of(arm, motion.spline)
-            slower, excess = wheels.slowdown(load)
-            if slower <= 1.0:
-                return _with_wheels(motion, wheels, wheels.story(load))
-            why = f"braking in {duration:g} s {excess}"
-    raise NoSolutionError(why)
+            why = f"braking in {duration:.3g} s leads through a singular posture"
+            return BrakingTry(None, True, why)
+        rates = np.outer(1 - 3 * s**2 + 2 * s**3, self.dq)
+        ddq = np.outer(6 * (s**2 - s), self.dq) / duration
+        motion = _drifting(self.held, self.body, duration * s, q, rates, ddq, mode)
+        if self._fits(motion):  # at the samples
+            allowed = np.concatenate((self.efforts, self.bears))
+            peaks = load_peaks(motion, self.body, self.check_time, allowed)
+            motion = replace(motion, peaks=peaks)
+        if not self._fits(motion):
+            torque = float((motion.largest_torques / self.efforts).max())
+            force, moment = motion.borne
+            why = (
+                f"braking in {duration:.3g} s takes {torque:.4g} times the torque of a joint, and "
+                f"{force:.4g} N and {moment:.4g} N m of the grapple"
+            )
+            return BrakingTry(None, False, why)
+        if self.wheels is None:
+            return BrakingTry(motion, False, "")
+        load = load_of(arm, motion.spline)
+        slower, excess = self.wheels.slowdown(load)
+        if slower > 1.0:
+            return BrakingTry(None, False, f"braking in {duration:.3g} s {excess}")
+        return BrakingTry(_with_wheels(motion, self.wheels, self.wheels.story(load)), False, "")
+
+    def _fits(self, motion: Braking) -> bool:
+        """Return whether torques and loads are at most those allowed."""
+        torques = (motion.largest_torques <= self.efforts).all()
+        return bool(torques and (motion.borne <= self.bears).all())
 
 
 def outside(arm: SpaceArm, q: Array) -> bool:

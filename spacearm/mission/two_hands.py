@@ -14,13 +14,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from spacearm import errors
 from spacearm.arrays import Array, ReadOnlyMapping
+from spacearm.closure.closed_distances import ClosedSearch
 from spacearm.closure.closing import Gaps, carried, target_momentum
 from spacearm.closure.holding import Held, hold
 from spacearm.closure.target_paths import Carrying, TargetCurve, with_target
@@ -34,7 +35,7 @@ from spacearm.mechanics.dynamics import (
 from spacearm.mechanics.floating import carried_along, samples
 from spacearm.mechanics.target import Target
 from spacearm.mission.approaching import NO_WAY, Approach, Grapple, away, in_turn
-from spacearm.mission.braking import BRAKES, Braking
+from spacearm.mission.braking import Braking, BrakingTry, shortest
 from spacearm.mission.catch_report import Catch
 from spacearm.mission.kept_limits import with_checks
 from spacearm.model.arguments import FLOATING
@@ -46,16 +47,12 @@ from spacearm.motion.flights import Flight, Phase, simulate_phases
 from spacearm.motion.goal import out_of_reach, twist_between
 from spacearm.motion.motion import Motion, Trajectory
 from spacearm.motion.plant import Integration, Plant
-from spacearm.planning.account import TimeUpError
 from spacearm.planning.planner import plan
 from spacearm.planning.problem import LEAST
 from spacearm.planning.request import Joints, Search
 from spacearm.planning.result import Plan
 from spacearm.results import Description
 from spacearm.singularities.nearest import angle
-
-#: Ratio of the braking time to one that is too short, from which on it is not shortened.
-FINE_BRAKE = 1.01
 
 
 class ClosedBraking(Braking, kw_only=True):
@@ -67,8 +64,8 @@ class ClosedBraking(Braking, kw_only=True):
     Attributes:
         gap: (m,) largest distance of a tip from its grasp [m].
         gap_angle: (m,) largest angle between them [rad].
-        closure_distance: (m,) how far the nearest singular posture along closure is, to first
-            order [rad].
+        closure_distance: (m,) how far the nearest singular posture found along closure is [rad], as
+            of `FollowedTarget`.
     """
 
     gap: Array
@@ -112,9 +109,10 @@ class HandsCatch(Catch, kw_only=True):
 
     @cached_property
     def clearance(self) -> float:
-        """How far singular postures are at the rows, to first order [rad].
+        """How far singular postures are at the rows [rad].
 
-        Those of the free hands, and along closure while they brake.
+        First-order estimates of the free hands, and the nearest found along closure while they
+        brake.
         """
         ways = self.plan.distance, self.chase.distance, self.brake.closure_distance
         return float(min(way.min() for way in ways))
@@ -123,8 +121,8 @@ class HandsCatch(Catch, kw_only=True):
     def margin(self) -> str:
         """How near singular postures are, in words."""
         return (
-            f"no singular posture nearer than {angle(self.clearance, down=True)}, to first order "
-            "at the rows"
+            f"no singular posture nearer than {angle(self.clearance, down=True)} at the rows: "
+            "first-order estimates up to contact, then the nearest found by search"
         )
 
     @property
@@ -458,9 +456,6 @@ class HandsApproach(Approach):
     def _braked(self, held: Held, dq: Array, rates: Array, least: float) -> ClosedBraking:
         """Return the shortest braking that keeps limits, rates, torques and what grasps bear.
 
-        Times are doubled from 1 s on until one keeps them; bisection then shortens it to within 1 %
-        of a time that needs too much. No braking is shorter than 1 s.
-
         Args:
             held: How the target is held, with the momentum of both.
             dq: (n,) joint rates at contact, which keep the grasps closed.
@@ -474,38 +469,24 @@ class HandsApproach(Approach):
         carrying = held.carrying
         seen = kinematics(carrying.of_target, held.q.copy(), pin.SE3.Identity())
         twist = seen.J[:, 6:] @ dq
+        search = carrying.search(FLOATING)
 
-        def tried(duration: float) -> BrakingTry:
-            return self._tried_braking(carrying, seen.tip, twist, duration, rates, least)
+        def tried(duration: float) -> BrakingTry[ClosedBraking]:
+            return self._tried_braking(carrying, seen.tip, twist, duration, rates, least, search)
 
-        short, long = 0.0, math.inf  # times that need too much, and that suffice or lead too far
-        for duration in BRAKES:
-            found = tried(duration)
-            if found.brake is not None or found.ended:
-                long = duration
-                break
-            short = duration
-        best = found.brake
-        while 0.0 < short < long / FINE_BRAKE < math.inf:
-            middle = math.sqrt(short * long)
-            try:
-                found = tried(middle)
-            except TimeUpError:
-                if best is None:
-                    raise
-                break
-            if found.brake is None and not found.ended:
-                short = middle
-            else:
-                best, long = found.brake or best, middle
-        if best is None:
-            raise errors.NoSolutionError(found.why)
-        return best
+        brake = shortest(tried)
+        near = carrying.closure_distances(FLOATING, [*brake], search)
+        if near.min() < least:
+            raise errors.NoSolutionError(
+                f"braking in {brake.t[-1]:.3g} s leads to {angle(float(near.min()))} of a singular "
+                "posture"
+            )
+        return replace(brake, closure_distance=near)
 
     def _tried_braking(
         self, carrying: Carrying, pose: pin.SE3, twist: Array, duration: float, rates: Array,
-        least: float,
-    ) -> BrakingTry:  # fmt: skip
+        least: float, search: ClosedSearch,
+    ) -> BrakingTry[ClosedBraking]:  # fmt: skip
         """Return the braking in a duration [s], or why it is not possible.
 
         Args:
@@ -515,6 +496,7 @@ class HandsApproach(Approach):
             duration: How long it takes [s].
             rates: (n,) the largest joint rates.
             least: Least distance to a singular posture along closure [rad].
+            search: The search for these.
         """
         start = carrying.start
         led, last, _ = following.rows_along(  # time is counted in durations
@@ -530,7 +512,7 @@ class HandsApproach(Approach):
             why = f"braking in {duration:.3g} s ends at a {last.kind} after {after:.3g} s"
             return BrakingTry(None, True, why)
         self.account.check_time()
-        brake = closed_braking(carrying, led, duration)
+        brake = closed_braking(carrying, led, duration, search, least)
         faster = float((np.abs(brake.dq) / rates).max())
         near, (force, moment) = float(brake.closure_distance.min()), brake.borne
         torque = float((np.abs(brake.torque) / self.efforts).max())
@@ -543,20 +525,6 @@ class HandsApproach(Approach):
         )
         fits = max(torque, faster) <= 1.0 and force <= self.bears[0] and moment <= self.bears[1]
         return BrakingTry(brake if fits else None, False, why)
-
-
-class BrakingTry(NamedTuple):
-    """What came of a braking time.
-
-    Attributes:
-        brake: The braking; None if it is not possible.
-        ended: Whether a longer one is not possible either, as it leads farther.
-        why: Why it is not possible.
-    """
-
-    brake: ClosedBraking | None
-    ended: bool
-    why: str
 
 
 def stopping(pose: pin.SE3, way: Array) -> following.Segment:
@@ -579,13 +547,23 @@ def stopping(pose: pin.SE3, way: Array) -> following.Segment:
     return following.Segment(1.0, along, rate, False)
 
 
-def closed_braking(carrying: Carrying, led: following.Led, duration: float) -> ClosedBraking:
+def closed_braking(
+    carrying: Carrying,
+    led: following.Led,
+    duration: float,
+    search: ClosedSearch,
+    least: float,
+) -> ClosedBraking:
     """Return the braking with its torques and wrenches.
+
+    Distances along closure are estimates where they are far above the least that is allowed.
 
     Args:
         carrying: The arms with the target, with the momentum of both.
         led: The rows over the share of the time.
         duration: How long it takes [s].
+        search: The search for singular postures along closure.
+        least: Least distance to one [rad].
     """
     momentum, none = carrying.start.momentum, np.zeros((len(carrying.grasps), 6))
     rows = [cfg.with_momentum(momentum) for cfg in led.rows]
@@ -603,7 +581,7 @@ def closed_braking(carrying: Carrying, led: following.Led, duration: float) -> C
         **carried_along(carrying.start, len(rows)),
         dq=dq, ddq=ddq, torque=np.array(torque), wrench=np.array(wrench),
         gap=gaps["gap"], gap_angle=gaps["gap_angle"],
-        closure_distance=np.array([carrying.distance(cfg, FLOATING) for cfg in rows]),
+        closure_distance=np.array([search.least(*carrying.hands(cfg), least) for cfg in rows]),
     )  # fmt: skip
 
 

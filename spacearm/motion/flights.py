@@ -461,7 +461,10 @@ def held_loads(
 
 
 def load_peaks(
-    motion: Motion, body: Grasp | None = None, check_time: Callable[[], None] | None = None
+    motion: Motion,
+    body: Grasp | None = None,
+    check_time: Callable[[], None] | None = None,
+    allowed: Array | float = 0.0,
 ) -> Peaks:
     """Bound the torques of a motion as `sa.Tracking` flies it, and the load on what it holds.
 
@@ -472,6 +475,7 @@ def load_peaks(
         motion: The motion, of the arm with the body.
         body: The body in the hand.
         check_time: Called now and then; raises once the time is up.
+        allowed: (n + 2,) as of `bounded_peaks`.
     """
     arm, way, mode = motion.arm, motion.spline, motion.mode
     at = flown_configurations(motion, arm)
@@ -495,7 +499,7 @@ def load_peaks(
     def bends(begin: Array, width: Array) -> Array:
         return load_bends(arm, mode, way, begin, width, on_board, held)
 
-    return bounded_peaks(values, bends, motion.t)
+    return bounded_peaks(values, bends, motion.t, allowed=allowed)
 
 
 def flown_configurations(motion: Motion, arm: SpaceArm) -> Callable[[float], Configuration]:

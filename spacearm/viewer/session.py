@@ -15,8 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.closure.closed_distances import ClosedSearch
 from spacearm.closure.closing import Closure, Gaps, closed_motions, placed
-from spacearm.closure.held_report import held_report, nearest_closed
+from spacearm.closure.held_report import held_report
 from spacearm.closure.holding import CLOSED, Held, hold
 from spacearm.closure.target_paths import with_target
 from spacearm.errors import ConfigurationError, listed, require_known, unknown
@@ -643,7 +644,9 @@ class HeldSession(Session):
     def _nearest(self) -> None:
         """Go to the nearest singular posture found along closure."""
         hands, mode = self._hands(self.cfg), self.spacecraft
-        found = nearest_closed(hands, self._there(hands), self._closure, mode)
+        search = ClosedSearch(self._closure, mode)
+        search.look(hands, self._there(hands))
+        found = search.nearest(hands.q)
         if found is None:
             raise ConfigurationError("no singular posture was found along closure")
         far = float(np.linalg.norm((found - hands.q) / joint_scales(self._free)))

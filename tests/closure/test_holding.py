@@ -9,8 +9,8 @@ from helpers.closed import closed, debris, rates_for, rough, several
 from scipy.optimize import brentq
 
 import spacearm as sa
+from spacearm.closure.closed_distances import nearest_closed
 from spacearm.closure.closing import Closure, closed_motions
-from spacearm.closure.held_report import nearest_closed
 from spacearm.mechanics.jacobian import task_jacobian
 
 MASSES = (1.0, 50.0, 5000.0)

@@ -141,10 +141,9 @@ def test_plans_keep_clear_of_the_singular_posture_that_a_search_finds():
     sides = {"left": sa.pose((0, 0, -0.2)), "right": sa.pose((0, 0, 0.2), (3.1416, 0, 0))}
     held = sa.hold(arm.at(start.q + chosen(12).uniform(-1, 1, 12)), box, sides, seed=12)
     report = held.report()
-    found = held.carrying.distance(held.carrying.start, "free-floating", np.inf)
+    found = held.report(exact=True).distance
     clearance = 0.5 * (found + report.distance)
     assert found < 0.8 * report.distance
-    assert held.carrying.distance(held.carrying.start, "free-floating") == report.distance
     near = held.target.pose * sa.pose((0.01, 0, 0))
     with pytest.raises(sa.NoSolutionError, match=r"23\.1° along closure from the start"):
         held.plan(near, constraints=sa.Constraints(clearance=clearance))

@@ -10,7 +10,7 @@ from scipy.integrate import simpson, solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 import spacearm as sa
-from spacearm.mission.two_hands import BrakingTry, HandsApproach, impact, stopping
+from spacearm.mission.two_hands import HandsApproach, impact, stopping
 from spacearm.motion.flights import Grasp, held_loads
 
 START = np.array([-0.3, -1.5, 2.1, -0.6, 1.3, -1.6] * 2)
@@ -215,35 +215,6 @@ def test_weaker_grapples_are_braked_more_slowly(in_turn, start):
     assert (slow.borne / (0.3 * quick.borne)).max() > 0.97  # no braking is 1 % shorter
     assert max(slow.gap.max(), slow.gap_angle.max()) < 1e-9
     np.testing.assert_allclose(slow.dq[0], quick.dq[0], rtol=0, atol=1e-7)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("least", "most", "expected"),
-    [(0.0, 9.0, 1.0), (1.3, 9.0, 1.3), (5.0, 6.0, 5.0), (25.0, 99.0, 25.0), (5.0, 4.9, None)],
-)
-def test_the_shortest_braking_is_found_to_one_percent(
-    in_turn, start, monkeypatch, least, most, expected
-):
-    """Braking times from least to most are possible; a longer one leads too far."""
-
-    def tried(*given) -> BrakingTry:
-        duration = given[4]
-        fits = least <= duration <= most
-        brake = replace(in_turn.brake, t=in_turn.brake.t / in_turn.brake.t[-1] * duration)
-        return BrakingTry(brake if fits else None, duration > most, "none fits")
-
-    monkeypatch.setattr(HandsApproach, "_tried_braking", tried)
-    request = HandsApproach.of(
-        start, in_turn.target, HANDS, (12, 12), 0.1, 0.05, None, (np.inf, np.inf),
-        sa.Constraints(), FREE,
-    )  # fmt: skip
-    given = in_turn.held, in_turn.brake.dq[0], np.full(12, 1.0), 0.01
-    if expected is None:
-        with pytest.raises(sa.NoSolutionError, match="none fits"):
-            request._braked(*given)
-    else:
-        assert expected <= request._braked(*given).t[-1] <= 1.0101 * expected
 
 
 @pytest.mark.slow
