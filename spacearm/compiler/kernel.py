@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.compiler.lanes import Lanes
+from spacearm.compiler.lanes import STACK, Lanes
 from spacearm.compiler.machine import Code, fuses, is_kept, width
 from spacearm.compiler.symbols import Rows, Traced, trace
 from spacearm.processes import Threads
@@ -56,7 +56,8 @@ class Kernel:
     Attributes:
         lanes: Number of lanes computed side by side.
         stack: Bound of the stack that a call of the machine code needs [bytes], by the sizes of
-            all values in it; functions of the system's library and functions outside come on top.
+            all values in it or, where they share places, of those alive at once; functions of the
+            system's library and functions outside come on top.
     """
 
     def __init__(
@@ -66,14 +67,23 @@ class Kernel:
         self._inputs, self._numbers = traced.inputs, traced.numbers  # without the expressions,
         self._tables, self._outside = traced.tables, tuple(traced.outside)  # which take memory
         self._single, self._prepared = traced.single, len(traced.shared.written) + 1
-        written = Lanes(traced, self.lanes, contract and fuses())
-        self._text = written.text()
-        self.stack, self._memory = written.stack, written.memory * self.lanes
+        fused = contract and fuses()
+        whole = Lanes(traced, self.lanes, fused, optimised=True)
+        self._text = text = whole.text()
+        self.stack, memory = whole.stack, whole.memory
+        level = FAST if fast or is_kept(text, FAST) else QUICK
+        if level == QUICK and whole.unshared <= STACK:
+            self.stack = whole.unshared
+        elif level == QUICK:
+            cut = Lanes(traced, self.lanes, fused)
+            text = cut.text()
+            self.stack, memory = max(self.stack, cut.stack), max(memory, cut.memory)
+        self._memory = memory * self.lanes
         self._free: list[tuple[int, Array]] = []
         self._left: float | None = SECONDS_A_LINE * self._text.count("\n")
         self._improving, self._codes = Lock(), list[Code]()
         self._shapes = [o.shape if isinstance(o, Rows) else np.shape(o) for o in traced.outputs]
-        self._compile(FAST if fast or is_kept(self._text, FAST) else QUICK)
+        self._compile(text, level)
         self._last: tuple[bytes | None, Array, int] = None, np.empty(0), 0
 
     def __call__(
@@ -134,9 +144,9 @@ class Kernel:
                     raise call.failure
         return outputs[0] if self._single else tuple(outputs)
 
-    def _compile(self, level: int) -> None:
-        """Compile, or take what is kept."""
-        code = Code(self._text, level)
+    def _compile(self, text: str, level: int) -> None:
+        """Compile a text, or take what is kept."""
+        code = Code(text, level)
         self._codes.append(code)  # other threads may still run what was compiled before
         self._prepare = PREPARE(code.address("prepare"))
         self._run = RUN(code.address("run"))
@@ -152,7 +162,7 @@ class Kernel:
             if self._left > 0.0:
                 return
             self._left = None
-        self._compile(FAST)
+        self._compile(self._text, FAST)
 
     def _outputs(self, m: int, out: Sequence[Array | None]) -> list[Array]:
         """Return the arrays that are written to."""

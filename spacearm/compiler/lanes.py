@@ -10,21 +10,23 @@ lane.
 The values of a long tape need more stack than a thread has. So a function is cut into sections,
 each of them a function of its own. They are so short that a call of the kernel needs no more than
 `STACK` bytes of the stack. Numbers that a later section needs are kept in the memory at `%m`, which
-whoever calls the kernel provides; arrays lie there too.
+whoever calls the kernel provides; arrays lie there too. Text that LLVM optimises is cut only where
+the values that are alive at once need too much, since numbers in memory cost time.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
-from itertools import islice
+from itertools import accumulate, islice
 from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from spacearm.compiler.expressions import Expression, Operand, Tape
-from spacearm.compiler.instructions import FIXED, SCALAR, Instructions, template
+from spacearm.compiler.instructions import FIXED, SCALAR, SPARE, Instructions, template
 from spacearm.compiler.operations import OPERATIONS, sine_cosine
 from spacearm.compiler.symbols import Outside, Region, Rows, Traced, trace
 
@@ -34,9 +36,11 @@ AS_NUMBER = "select {M} {0}, {V} {1}, {V} {2}"
 #: Most stack that a call of a kernel needs, functions of the system's library and functions outside
 #: left out [bytes]. A thread has 128 KB or more, of which Python takes some.
 STACK = 96 * 1024
-#: A section ends where its values need more of the stack than this [bytes]; it is halved until a
-#: kernel keeps to `STACK`.
+#: A section ends where its values need more of the stack than this [bytes], or less if a kernel
+#: does not keep to `STACK`.
 SECTION = 64 * 1024
+#: By how much a section is shorter at least if a kernel did not keep to `STACK`.
+SHORTER = 0.9
 #: The state of a loop is kept by a function of its own where it has more numbers than this.
 UNROLLED = 16
 
@@ -94,19 +98,22 @@ class Lanes:
         width: Number of lanes.
         fused: Whether a b + c is rounded once where a b is used nowhere else. The processor must
             know that operation.
+        optimised: Whether the text is for LLVM to optimise, so that values share places on the
+            stack.
 
     Attributes:
         section: A section ends where its values need more of the stack than this [bytes].
         taken: What the lanes take of what they share.
         stack: Bound of the stack that machine code needs, without functions of the system's library
             and functions outside [bytes].
+        unshared: The same if no values share places on the stack, all functions together.
         memory: Size of the memory that `run` needs, in vectors of lanes.
         slot: Numbers of the arguments of the kernel.
         rows: Those of the outputs that are rows of a loop, by its region.
     """
 
-    def __init__(self, traced: Traced, width: int, fused: bool) -> None:
-        self.traced, self.width, self.fused = traced, width, fused
+    def __init__(self, traced: Traced, width: int, fused: bool, optimised: bool = False) -> None:
+        self.traced, self.width, self.fused, self.optimised = traced, width, fused, optimised
         self.section = SECTION
         slots = [*traced.inputs, *range(len(traced.outputs)), *traced.tables, *traced.outside]
         self.slot: dict[Any, int] = {name: i for i, name in enumerate(slots)}
@@ -117,7 +124,7 @@ class Lanes:
         """Return the whole module, whose entries are `prepare` and `run`."""
         run, prepare = self._written()
         while self.stack > STACK and self.section > 1:
-            self.section //= 2
+            self.section = int(SHORTER * self.section * STACK / self.stack)
             run, prepare = self._written()
         often = template(DECLARE_FMA, 0, self.width)  # LLVM declares its own functions, but slowly
         return "\n".join((*DECLARED, often, *self._functions.values(), prepare, run, ""))
@@ -125,7 +132,7 @@ class Lanes:
     def _written(self) -> tuple[str, str]:
         """Write the functions; return `run` and `prepare`."""
         self.taken: set[Expression] = set()
-        self.stack = self.memory = 0
+        self.stack = self.memory = self.unshared = 0
         self._functions: dict[str, str] = {}
         self._angles: dict[int, Function] = {}
         self._regions: dict[int, Function] = {}
@@ -148,10 +155,11 @@ class Lanes:
                        for function, value in zip(("sin", "cos"), near, strict=True)])  # fmt: skip
             (section,) = code.sections
             self._functions[name] = (
-                f"define internal {code.pair} {name}({code.V} %x) "
+                f"define internal {code.pair} {name}({code.V} %x) {code.aligned}"
                 f"{{\nentry:\n{code.text(section)}\n}}"
             )
             self._angles[width] = Function(name, section.stack, 0)
+            self.unshared += FIXED + section.values
         return self._angles[width]
 
     def region(self, region: Region) -> Function:
@@ -183,15 +191,18 @@ class Lanes:
         """Return the function that keeps the state of a loop where lanes go on."""
         types = Instructions(self.width)
         self._functions["@keep"] = KEEP.format(V=types.V, M=types.M)
-        return Function("@keep", FIXED + 4 * SCALAR * (self.width + 1), 0)
+        stack = FIXED + 4 * SCALAR * (self.width + 1)
+        self.unshared += stack
+        return Function("@keep", stack, 0)
 
     def _sections(self, name: str, code: _Body, parameters: dict[str, str]) -> int:
         """Write a function as one, or as sections that it calls; return the stack that it needs."""
         stack = max(section.stack for section in code.sections)
+        self.unshared += 2 * FIXED + max(section.values for section in code.sections)
         given = ", ".join(f"{kind} {name}" for name, kind in parameters.items())
         if len(code.sections) == 1:
             self._functions[name] = (
-                f"define internal void {name}({given}) "
+                f"define internal void {name}({given}) {code.aligned}"
                 f"{{\n{code.entry()}\n{code.text(code.sections[0])}\nret void\n}}"
             )
             return stack
@@ -199,7 +210,7 @@ class Lanes:
         for i, section in enumerate(code.sections):
             part = f"{name}_{i}"
             self._functions[part] = (
-                f"define internal void {part}({given}) noinline "
+                f"define internal void {part}({given}) noinline {code.aligned}"
                 f"{{\n{code.entry()}\n{code.text(section)}\nret void\n}}"
             )
             passed = ", ".join(f"{kind.split()[0]} {name}" for name, kind in parameters.items())
@@ -256,15 +267,18 @@ class Lanes:
         )
         self.memory = code.memory + code.below
         if len(code.sections) == 1:
-            entry, body, stack = code.entry(), code.text(code.sections[0]), code.sections[0].stack
+            (section,) = code.sections
+            entry, body, stack = code.entry(), code.text(section), section.stack
+            self.unshared += FIXED + section.values
         else:
             parameters = {"%a": "ptr noalias", "%u": "ptr noalias", "%at": "i64"}
             stack = FIXED + self._sections("@lanes", code, parameters | {"%m": "ptr noalias"})
+            self.unshared += FIXED
             entry, body = "entry:", "call void @lanes(ptr %a, ptr %u, i64 %at, ptr %m)"
         self.stack = max(self.stack, stack)
         return (
             "define void @run(ptr noalias %a, ptr noalias %u, ptr noalias %m, i64 %most, "
-            f"i64 %first, i64 %last) {{\n{entry}\n{head}\n{body}\n{tail}\n}}"
+            f"i64 %first, i64 %last) {code.aligned}{{\n{entry}\n{head}\n{body}\n{tail}\n}}"
         )
 
 
@@ -285,7 +299,7 @@ class _Body(Instructions):
         self.pair = f"{{{self.V}, {self.V}}}"
         self.known: dict[int, str] = {}
         self.place: dict[int, tuple[str, int]] = {}
-        self._limit = inf if whole else lanes.section
+        self._whole, self._limit = whole, inf if whole else lanes.section
         self._step = 0
         self._free: list[int] = []
         self._slots: dict[int, int] = {}
@@ -315,6 +329,33 @@ class _Body(Instructions):
         for o in outputs:
             if type(o) is Expression and o.tape is tape:
                 self._last[o.number] = len(self._needed)
+        if self.lanes.optimised:
+            alive = SPARE * SCALAR * self.width * (self._alive(outputs) + 2 * self.width)
+            if self._whole or alive <= self.lanes.section:
+                self._limit, self.sections[-1].alive = inf, alive
+
+    def _alive(self, outputs: Iterable[Any]) -> int:
+        """Return how many values are alive at once; of what lanes share, those that are taken."""
+        first: dict[tuple[bool, int], int] = {}
+        last: dict[tuple[bool, int], int] = {}
+        for step, e in enumerate(self._needed):
+            product = self._products.get(e.number)
+            operands = () if product is None else product.operands
+            for o in (e, *e.operands, *operands):
+                if type(o) is Expression:
+                    value = o.tape is self._tape, o.number
+                    first.setdefault(value, step)
+                    last[value] = step
+        end = len(self._needed)
+        for o in outputs:
+            if type(o) is Expression:
+                value = o.tape is self._tape, o.number
+                first.setdefault(value, end)
+                last[value] = end
+        begun = Counter(first.values())
+        ended = Counter(last.values())
+        steps = range(end + 1)
+        return max(accumulate(begun[step] - ended[step - 1] for step in steps), default=0)
 
     def rest(self) -> None:
         """Begin another section if the values of this one need much of the stack."""

@@ -1,6 +1,7 @@
 """Machine code needs no more stack than its kernel says, however long a function is."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import llvmlite.binding as llvm
 import numpy as np
 import pytest
+from helpers.arms import load_text
 from helpers.assembly import stacks
 from helpers.long_arms import SCRIPT, in_a_row
 
@@ -16,7 +18,7 @@ from spacearm.compiler import expressions, kernel, lanes, symbols
 from spacearm.compiler.kernel import compiled
 from spacearm.compiler.symbols import while_any
 from spacearm.errors import UnsupportedError
-from spacearm.mechanics import arm_kernels, distance
+from spacearm.mechanics import arm_kernels, distance, floating
 
 PROCESSORS = [("x86_64-unknown-linux-gnu", cpu) for cpu in ("x86-64", "haswell", "skylake-avx512")]
 PROCESSORS += [("aarch64-unknown-linux-gnu", "generic"), ("arm64-apple-darwin", "apple-m1")]
@@ -43,9 +45,14 @@ def everything(x, u):
     return x, y + z, np.abs(z) > 1.0
 
 
-def text_of(function, width, **shapes):
-    written = lanes.Lanes(symbols.trace(function, **shapes), width, True)
+def text_of(function, width, optimised, **shapes):
+    written = lanes.Lanes(symbols.trace(function, **shapes), width, True, optimised)
     return written.text(), written.stack
+
+
+def machine_of(triple, cpu, level):
+    target = llvm.Target.from_triple(triple)
+    return target.create_target_machine(cpu=cpu, opt=level, codemodel="jitdefault")
 
 
 @pytest.mark.slow
@@ -61,39 +68,82 @@ def test_the_bound_is_one(triple, cpu):
 
 
 def check_bound(width, triple, cpu):
-    text, bound = text_of(everything, width, inputs={"x": (6,)}, numbers={"u": ()})
-    assert bound <= lanes.STACK
     for level in (kernel.QUICK, kernel.FAST):
-        target = llvm.Target.from_triple(triple).create_target_machine(
-            cpu=cpu, opt=level, codemodel="jitdefault"
-        )
-        found = stacks(text, target)
-        assert 64 < max(found["run"], found["prepare"]) <= bound
+        optimised = level == kernel.FAST
+        text, bound = text_of(everything, width, optimised, inputs={"x": (6,)}, numbers={"u": ()})
+        found = stacks(text, machine_of(triple, cpu, level))
+        assert 64 < max(found["run"], found["prepare"]) <= bound <= lanes.STACK
+
+
+@pytest.mark.parametrize(("cpu", "bytes_"), [("haswell", 32), ("skylake-avx512", 64)])
+def test_vectors_lie_aligned_on_the_stack(cpu, bytes_):
+    text, _ = text_of(lambda x: np.sin(x)[::-1] * x, bytes_ // 8, True, inputs={"x": (40,)})
+    assembly = machine_of(PROCESSORS[0][0], cpu, kernel.FAST).emit_assembly(
+        llvm.parse_assembly(text)
+    )
+    run = assembly[assembly.index("\nrun:") :]
+    assert re.search(r"\(%rsp\), %[yz]mm|%[yz]mm\d+, \d*\(%rsp\)", run)
+    assert f"andq\t$-{bytes_}, %rsp" in run
 
 
 @pytest.mark.slow
-def test_kernels_of_arms_need_no_more_than_their_bound(monkeypatch, tmp_path):
+@pytest.mark.parametrize("n", [3, 7, 10])
+def test_kernels_of_arms_need_no_more_than_their_bound(n, monkeypatch, tmp_path):
     monkeypatch.setenv("SPACEARM_CACHE", str(tmp_path))
-    made = []
-    whole = kernel.Kernel.__init__
+    made, quick = [], []
+    whole = kernel.Kernel._compile
 
-    def noted(self, *arguments):
-        whole(self, *arguments)
-        made.append(self)
+    def noted(self, text, level):
+        if level == kernel.QUICK:
+            made.append(self)
+            quick.append(text)
+        whole(self, text, level)
 
-    monkeypatch.setattr(kernel.Kernel, "__init__", noted)
+    monkeypatch.setattr(kernel.Kernel, "_compile", noted)
     arm_kernels._compiled.cache_clear()
-    arm = sa.load("chaser7")
-    Q = np.random.default_rng(0).uniform(-3, 3, (50, 7))
-    distance.linearise(arm, Q)
-    sa.evaluate(arm, Q)
+    arm = sa.load("chaser7") if n == 7 else load_text(in_a_row(n))
+    Q = np.random.default_rng(0).uniform(-3, 3, (50, n))
+    if n >= arm.task.k:
+        distance.linearise(arm, Q)
+        sa.evaluate(arm, Q)
     sa.joint_accelerations(arm, Q, Q, Q)
-    assert len(made) == 3
-    machine_ = llvm.Target.from_triple("x86_64-unknown-linux-gnu").create_target_machine(
-        cpu="haswell", opt=kernel.QUICK, codemodel="jitdefault"
-    )
-    for each in made:
-        assert max(stacks(each._text, machine_).values()) <= each.stack <= lanes.STACK
+    floating.turns_and_effects(arm, np.stack([Q, Q], axis=1), np.stack([Q, Q], axis=1), Q[:, 0])
+    assert len(made) >= 2
+    for each, text in zip(made, quick, strict=True):
+        assert each.stack <= lanes.STACK
+        slow = machine_of(*PROCESSORS[2], kernel.QUICK)
+        assert max(stacks(text, slow).values()) <= each.stack
+        for triple, cpu in (PROCESSORS[2], PROCESSORS[-1]):
+            fast = machine_of(triple, cpu, kernel.FAST)
+            assert max(stacks(each._text, fast).values()) <= each.stack
+
+
+def test_optimised_kernels_of_an_arm_are_not_cut():
+    arm, known = sa.load("chaser7"), {"fading": (), "radians": (7,)}
+
+    def near(q, fading, radians):
+        tree, p = arm_kernels.structure_of(arm), arm_kernels.parameters_of(arm)
+        return distance.distance(symbols, tree, p, q=q, fading=fading, radians=radians)
+
+    shapes = {"inputs": {"q": (7,)}, "numbers": known}
+    cut, _ = text_of(near, 8, False, **shapes)
+    whole, _ = text_of(near, 8, True, **shapes)
+    assert "@lanes_0" in cut
+    assert "@lanes_0" not in whole
+
+
+def test_optimised_code_computes_the_same_to_the_bit(monkeypatch, tmp_path):
+    monkeypatch.setenv("SPACEARM_CACHE", str(tmp_path))
+    x, u = np.random.default_rng(0).uniform(-2, 2, (11, 6)), {"u": 0.7}
+    monkeypatch.setattr(kernel, "STACK", 0)
+    monkeypatch.setattr(lanes, "SECTION", 2000)
+    monkeypatch.setattr(kernel, "SECONDS_A_LINE", 1e9)
+    made = compiled(everything, {"x": (6,)}, {"u": ()})
+    quick = made({"x": x}, u)
+    made._improve(np.inf)
+    assert len(made._codes) == 2
+    for a, b in zip(quick, made({"x": x}, u), strict=True):
+        np.testing.assert_array_equal(a, b)
 
 
 @pytest.mark.parametrize("section", [1, 300, 5000])
@@ -101,6 +151,9 @@ def test_kernels_of_arms_need_no_more_than_their_bound(monkeypatch, tmp_path):
 def test_sections_compute_what_the_whole_does_to_the_bit(section, width, monkeypatch):
     x, u = np.random.default_rng(0).uniform(-2, 2, (11, 6)), {"u": 0.7}
     shapes = {"x": (6,)}, {"u": ()}
+    monkeypatch.setattr(
+        kernel, "Lanes", lambda traced, width, fused, **_: lanes.Lanes(traced, width, fused)
+    )
     monkeypatch.setattr(lanes, "STACK", 10**9)
     monkeypatch.setattr(lanes, "SECTION", 10**9)
     whole = compiled(everything, *shapes, lanes=width)
