@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from helpers.arms import chosen
 
-from spacearm.compiler import machine
+from spacearm.compiler import kernel, machine
 from spacearm.compiler.kernel import compiled
 
 
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
-    """Return the folder of an empty cache."""
+    """Return the folder of an empty cache, in which no kernel is compiled a second time."""
+    monkeypatch.setattr(kernel, "SECONDS_A_LINE", 1e9)
     monkeypatch.setenv("SPACEARM_CACHE", str(tmp_path))
     return tmp_path / "code"
 
@@ -180,7 +181,7 @@ def test_without_home_the_folder_is_that_of_the_account(monkeypatch):
 PLAIN = """
 import sys
 import numpy as np
-from spacearm.compiler import machine
+from spacearm.compiler import kernel, machine
 from spacearm.compiler.kernel import compiled
 kernel = compiled(
     lambda x: (np.sin(x[0]) * x[1] + x[2] / x[0], np.minimum(x[1], np.floor(x[2]))), {"x": (3,)}
