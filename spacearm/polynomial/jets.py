@@ -175,6 +175,21 @@ class Jets:
         values = np.concatenate(found, axis=1)
         return places, values[of].reshape(len(Q), len(places), c)
 
+    def at_point(self, q: Array, indices: tuple[tuple[int, ...], ...], order: int) -> Array:
+        """Compute derivatives (t,) at one point q (n,), without the overhead of many points.
+
+        Args:
+            q: Where.
+            indices: The coordinates that each derivative is taken in; () of the value.
+            order: The highest order among them.
+        """
+        found = self.tensor.reshape(-1, 1)
+        for j in reversed(self._axes):  # to all orders in each coordinate: few numbers are left
+            waves = self._waves(q[j : j + 1], j, order)[0]
+            found = waves @ found.reshape(-1, waves.shape[1], found.shape[-1])
+            found = found.reshape(len(found), -1)
+        return np.append(found, 0.0)[_places(tuple(self._axes), indices, order)]
+
     def order(self, Q: Array) -> Integers:
         """Return the order (m,) of points Q (m, n) in which those that share sums are in a row."""
         return np.lexsort((np.arange(len(Q)), *Q[:, self._axes].T))
@@ -274,12 +289,34 @@ def taken_in(axes: tuple[int, ...], order: int) -> list[tuple[int, ...]]:
     return [tuple(sorted(i)) for index in found for i in index]
 
 
+@cache
+def _places(axes: tuple[int, ...], indices: tuple[tuple[int, ...], ...], order: int) -> Integers:
+    """Return where derivatives stand among those to all orders in each axis; the last one is 0."""
+    places = []
+    for index in indices:
+        place = 0
+        for j in axes:
+            place = place * (order + 1) + index.count(j)
+        zero = any(j not in axes for j in index)
+        places.append((order + 1) ** len(axes) if zero else place)
+    return np.array(places)
+
+
+@cache
+def _up_to(n: int, order: int) -> tuple[tuple[int, ...], ...]:
+    """Return the coordinates of all derivatives of n coordinates up to an order."""
+    return tuple(index for e in range(order + 1) for index in product(range(n), repeat=e))
+
+
 def stacked(polynomials: Sequence[Jets], Q: Array, order: int = 0) -> Jet:
     """Evaluate c polynomials at Q (m, n): values (m, c), gradients (m, c, n), hessians, ..."""
     n, c = Q.shape[1], len(polynomials)
-    indices = [index for e in range(order + 1) for index in product(range(n), repeat=e)]
-    found = np.split(derivatives(polynomials, Q, indices), np.cumsum(n ** np.arange(order + 1)), 2)
-    parts = [found[e] if e <= order else np.empty((0, c, n**e)) for e in range(4)]
+    found = derivatives(polynomials, Q, _up_to(n, order))
+    parts, begin = [], 0
+    for e in range(4):
+        part = found[:, :, begin : begin + n**e] if e <= order else np.empty((0, c, n**e))
+        parts.append(part)
+        begin += n**e
     return Jet(*(part.reshape(*part.shape[:2], *(n,) * e) for e, part in enumerate(parts)))
 
 
@@ -294,6 +331,9 @@ def derivatives(polynomials: Sequence[Jets], Q: Array, indices: Sequence[tuple[i
         indices: The coordinates that each derivative is taken in; () of the value.
     """
     order = max(map(len, indices))
+    if len(Q) == 1:
+        listed = tuple(indices)
+        return np.array([[f.at_point(Q[0], listed, order) for f in polynomials]])
     wanted = [tuple(sorted(index)) for index in indices]
     found = np.zeros((len(Q), len(polynomials), len(indices)))
     alike: dict[tuple[int, ...], list[int]] = {}

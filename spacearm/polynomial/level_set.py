@@ -67,9 +67,19 @@ def lines(S: TrigPolynomial, resolution: float = 0.0) -> list[Array]:
 
 def surface(S: TrigPolynomial, resolution: float = 0.0) -> Mesh:
     """Triangulate the zero set on the 3-torus, on grids no finer than `resolution` [rad]."""
+    found, triangles = rough_surface(S, resolution)
+    return Mesh(wrap(polish(S, found)), triangles)
+
+
+def rough_surface(S: TrigPolynomial, resolution: float = 0.0) -> Mesh:
+    """Triangulate the zero set on the 3-torus as `surface`, without the last step.
+
+    The vertices are found by linear interpolation between grid points: they are near the set, not
+    on it.
+    """
     values, step = _grid(S, resolution)
     found, triangles = _isosurface(values)
-    return Mesh(wrap(polish(S, OFFSET + found * step)), triangles)
+    return Mesh(wrap(OFFSET + found * step), triangles)
 
 
 def connected(points: Array, edges: Integers) -> list[Array]:
@@ -93,28 +103,39 @@ def _isosurface(values: Array) -> tuple[Array, Integers]:
         Points (m, 3) in steps of the grid, and triangles (t, 3) of their numbers.
     """
     above = values > 0.0
-    number = np.zeros((2, 2, 2, *values.shape), dtype=np.int_)  # of the point on an edge
+    ends = [np.roll(above, -along, axis=(0, 1, 2)) for along in EDGES]
+    crossed = [np.flatnonzero(above != end) for end in ends]
     points: list[Array] = []
-    for along in EDGES:  # from each grid point
-        end = np.roll(values, -along, axis=(0, 1, 2))
-        crossed = above != (end > 0.0)
-        start = np.argwhere(crossed)
-        number[tuple(along)][crossed] = sum(map(len, points)) + np.arange(len(start))
-        share = values[crossed] / (values[crossed] - end[crossed])
-        points.append(start + share[:, None] * along)
-    triangles = []
+    for along, start in zip(EDGES, crossed, strict=True):
+        first = np.stack(np.unravel_index(start, values.shape), axis=1)
+        last = (first + along) % len(values)
+        value, end = values.flat[start], values[tuple(last.T)]
+        points.append(first + (value / (value - end))[:, None] * along)
+
+    signs = above.astype(np.uint8)  # of the corners of a cell, one bit each
+    for bit, end in enumerate(ends, start=1):
+        signs |= end.astype(np.uint8) << np.uint8(bit)
+    cells = np.flatnonzero((signs != 0) & (signs != 255))
+    corner = np.stack(np.unravel_index(cells, values.shape), axis=1)
+    bits = (signs.flat[cells][:, None] >> np.arange(8, dtype=np.uint8)) & 1
+    counts = np.cumsum([0, *map(len, points)])
+    numbers: dict[tuple[int, int], Integers] = {}  # of the points on the edges of each cell
+    triangles: list[Integers] = []
     for corners in TETRAHEDRA:
-        signs = [np.roll(above, -corner, axis=(0, 1, 2)) for corner in corners]
+        places = corners @ (4, 2, 1)
+        for i, j in combinations(range(4), 2):
+            edge = int(places[i]), int(places[j])
+            if edge not in numbers:
+                along = int(places[j] - places[i]) - 1
+                first = (corner + corners[i]) % len(values)
+                start = np.ravel_multi_index(tuple(first.T), values.shape)
+                numbers[edge] = counts[along] + np.searchsorted(crossed[along], start)
+        inside_of = bits[:, places] @ np.array((1, 2, 4, 8), dtype=np.uint8)
         for inside, faces in _CASES:
-            there = np.argwhere(np.logical_and.reduce([
-                sign == (i in inside) for i, sign in enumerate(signs)
-            ]))  # fmt: skip
+            there = np.flatnonzero(inside_of == sum(1 << i for i in inside))
             for face in faces:
-                edges = []
-                for i, j in face:
-                    first = (there + corners[i]) % len(values)
-                    edges.append(number[(*(corners[j] - corners[i]), *first.T)])
-                triangles.append(np.stack(edges, axis=1))
+                cut = [numbers[int(places[i]), int(places[j])][there] for i, j in face]
+                triangles.append(np.stack(cut, axis=1))
     return np.concatenate(points), np.concatenate(triangles)
 
 
@@ -155,23 +176,31 @@ def _grid(S: TrigPolynomial, resolution: float) -> tuple[Array, float]:
 
 def _hides_something(S: TrigPolynomial, values: Array, step: float) -> bool:
     """Check whether a cell with equal signs at its corners holds a point of the other sign."""
-    signs = np.sign(values)
-    corners = [
-        np.roll(signs, shift, axis=tuple(range(S.n))) for shift in product((0, -1), repeat=S.n)
-    ]
-    equal = np.abs(sum(corners)) == len(corners)
-    centres = (np.argwhere(equal) + 0.5) * step
-    sign = signs[equal]
-    half = step / 2.0
+    above = values > 0.0
+    axes = tuple(range(S.n))
+    corners = [np.roll(above, shift, axis=axes) for shift in product((0, -1), repeat=S.n)]
+    every, none = np.logical_and.reduce(corners), ~np.logical_or.reduce(corners)
+    half = np.full(S.n, step / 2.0)
+    at_centres = S.shifted(half)
+    slopes = [derivative.grid(values.shape) for derivative in at_centres.derivatives]
+    middle = at_centres.grid(values.shape)
+    first = sum(np.abs(slope) for slope in slopes) * (step / 2.0)
+    change = np.minimum(first + 0.5 * half @ S.curvature @ half, S.lipschitz @ half)
+    undecided = (every | none) & (np.abs(middle) <= change + at_centres.noise())
+    if ((middle > 0.0) & none & undecided).any() or ((middle < 0.0) & every & undecided).any():
+        return True
+    centres = (np.argwhere(undecided) + 0.5) * step
+    sign = np.where(every[undecided], 1.0, -1.0)
     offsets = np.array(list(product((-0.5, 0.5), repeat=S.n)))
-    for _ in range(SEARCH_DEPTH[S.n]):
-        undecided = S.sign(centres, np.full_like(centres, half)) == 0
-        centres, sign = centres[undecided], sign[undecided]
-        if (S(centres) * sign < 0.0).any():
-            return True
+    for depth in range(2, SEARCH_DEPTH[S.n] + 1):
         centres = (centres[:, None] + half * offsets).reshape(-1, S.n)
         sign = sign.repeat(len(offsets))
-        half /= 2.0
+        half = half / 2.0
+        if (S(centres) * sign < 0.0).any():
+            return True
+        if depth < SEARCH_DEPTH[S.n]:
+            undecided = S.sign(centres, np.broadcast_to(half, centres.shape)) == 0
+            centres, sign = centres[undecided], sign[undecided]
     return False
 
 

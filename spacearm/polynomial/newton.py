@@ -154,16 +154,18 @@ def polish(S: TrigPolynomial, points: Array) -> Array:
     """Move points (m, n) onto S = 0 along the gradient; steps that do not help are halved."""
     points = points.astype(np.float64)
     damping = np.ones(len(points))
+    values = S(points)
     for _ in range(STEPS):
-        values = S(points)
         off = np.flatnonzero(np.abs(values) > NOISE * S.scale / 10.0)
         if not len(off):
             break
         g = S.gradient(points[off])
         step = damping[off] * values[off] / np.maximum((g * g).sum(axis=1), 1e-300)
         moved = points[off] - np.clip(step[:, None] * g, -0.1, 0.1)
-        better = np.abs(S(moved)) < np.abs(values[off])
+        there = S(moved)
+        better = np.abs(there) < np.abs(values[off])
         points[off[better]] = moved[better]
+        values[off[better]] = there[better]
         damping[off] = np.where(better, 1.0, damping[off] / 2.0)
     return points
 

@@ -483,13 +483,18 @@ class SingularSet(Described, ABC):
 
     @abstractmethod
     def surface(
-        self, joints: Sequence[int | str] | None = None, q: ArrayLike | None = None
+        self,
+        joints: Sequence[int | str] | None = None,
+        q: ArrayLike | None = None,
+        *,
+        resolution: float = 0.0,
     ) -> Mesh:
         """Triangulate the set over three revolute joints, on the 3-torus.
 
         Args:
             joints: The joints; those that matter if None.
             q: (n,) positions of the other joints; zeros if None.
+            resolution: The grid need not be finer than this [rad]; see `curves`.
 
         Raises:
             UnsupportedError: The set over these joints is not a surface.

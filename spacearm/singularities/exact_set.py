@@ -24,10 +24,10 @@ from spacearm.model.joints import joint_name, joint_vector
 from spacearm.polynomial import level_set
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart, Jets
-from spacearm.polynomial.newton import bounded_extreme
+from spacearm.polynomial.newton import bounded_extreme, polish
 from spacearm.polynomial.triangle import Triangle
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
-from spacearm.polynomial.univariate import Roots, distinct, line_roots
+from spacearm.polynomial.univariate import Roots, distinct, line_roots, wrap
 from spacearm.signatures import checked
 from spacearm.singularities.abstract_set import Component, SingularSet, prove_free
 from spacearm.singularities.polynomials import distances, radius_squared
@@ -39,33 +39,42 @@ TURNS = 96
 STARTS, APART = 4, 0.5
 
 
-def component(arm: SpaceArm, mode: BaseMode, S: TrigPolynomial, points: Array) -> Component:
-    """Find the range of R over points (m, n) of a component and over joints that do not matter."""
+def extremes(arm: SpaceArm, mode: BaseMode, S: TrigPolynomial, points: Array) -> Array:
+    """Find configurations (2, n) of the least and the largest R on a component.
+
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+        S: The singularity polynomial.
+        points: (m, n) points on the component, or near to it.
+    """
     R2 = radius_squared(arm, mode=mode)
     starts, free = points, [j for j in range(arm.n) if not S.degrees[j]]
     for j in free:
         starts = starts.repeat(TURNS, axis=0)
         starts[:, j] = np.tile(2.0 * np.pi * np.arange(TURNS) / TURNS, len(starts) // TURNS)
-    order, count = np.argsort(R2(starts)), STARTS if arm.n > 2 else 1
-    low = _best(R2, S, starts[order], 1.0, count)
-    high = _best(R2, S, starts[order[::-1]], -1.0, count)
-    at = np.array([low, high])
-    return Component(points, distances(arm, at, mode), at)
+    squares, count = R2(starts), STARTS if arm.n > 2 else 1
+    low = _best(R2, S, starts, squares, 1.0, count)
+    high = _best(R2, S, starts, squares, -1.0, count)
+    return np.array([low, high])
 
 
-def _best(F: TrigPolynomial, S: TrigPolynomial, starts: Array, sign: float, count: int) -> Array:
-    """Return the configuration with the least sign * F on S = 0 near some starts, best first."""
-    best = starts[0]
-    for _ in range(count):
-        found = bounded_extreme(F, (S,), starts[0], sign)
-        if sign * F(found) < sign * F(best):
-            best = found
-        if count > 1:
-            turn = np.abs(np.angle(np.exp(1j * (starts - starts[0]))))
-            starts = starts[turn.max(axis=1) > APART]
-        if not len(starts):
+def _best(
+    F: TrigPolynomial, S: TrigPolynomial, starts: Array, values: Array, sign: float, count: int
+) -> Array:
+    """Return the configuration with the least sign * F on S = 0 near some starts, best first.
+
+    `values` (m,) are those of F at the starts (m, n).
+    """
+    tried = list[Array]()
+    while len(starts):
+        start = starts[int(np.argmin(sign * values))]
+        tried.append(bounded_extreme(F, (S,), polish(S, start[None])[0], sign))
+        if len(tried) == count:
             break
-    return best
+        apart = (np.abs(wrap(starts - start)) > APART).any(axis=1)
+        starts, values = starts[apart], values[apart]
+    return min(tried, key=lambda q: sign * F(q))
 
 
 #: Lines without any root after which a set counts as empty.
@@ -205,12 +214,16 @@ class ExactSet(SingularSet):
         return [self._embed(piece, chosen, centre) for piece in pieces]
 
     def surface(
-        self, joints: Sequence[int | str] | None = None, q: ArrayLike | None = None
+        self,
+        joints: Sequence[int | str] | None = None,
+        q: ArrayLike | None = None,
+        *,
+        resolution: float = 0.0,
     ) -> level_set.Mesh:
         """Triangulate the set over some joints; see `SingularSet.surface`."""
         chosen, centre = self._slice(joints, q, 2)
         (S,) = self._reduced(chosen, centre)
-        return level_set.surface(S)
+        return level_set.surface(S, resolution)
 
     def components(self) -> list[Component]:
         """Find the connected components; see `SingularSet.components`."""
@@ -219,7 +232,11 @@ class ExactSet(SingularSet):
                 f"{self.arm.name}: the set has {self.codimension} equations; components are those "
                 "of sets with one. Use .curves and .sample"
             )
-        return [component(self.arm, self.mode, self.S, piece) for piece in self.pieces]
+        ends = [extremes(self.arm, self.mode, self.S, piece) for piece in self.pieces]
+        return [
+            Component(piece, distances(self.arm, at, self.mode), at)
+            for piece, at in zip(self.pieces, ends, strict=True)
+        ]
 
     @cached_property
     def pieces(self) -> list[Array]:
@@ -228,11 +245,23 @@ class ExactSet(SingularSet):
             return [point[None] for point in self.triangle.solve(np.zeros((1, self.arm.n)))]
         if self.dimension == 1:
             return self.curves()
-        mesh = self.surface()
+        return [polish(self.S, piece) for piece in self.rough_pieces()]
+
+    def rough_pieces(self, resolution: float = 0.0) -> list[Array]:
+        """Find points (m, n) near each connected piece of a set of up to two dimensions.
+
+        Those of curves are on the set. Those of surfaces are only near it.
+
+        Args:
+            resolution: Grids for surfaces need not be finer than this [rad]: pieces that are nearer
+                to each other may become one, and smaller ones may be missed.
+        """
+        if self.dimension < 2:
+            return self.pieces
+        chosen, centre = self._slice(None, None, 2)
+        mesh = level_set.rough_surface(self._reduced(chosen, centre)[0], resolution)
         edges = mesh.triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
-        return level_set.connected(
-            self._embed(mesh.vertices, self.relevant, np.zeros(self.arm.n)), edges
-        )
+        return level_set.connected(self._embed(mesh.vertices, chosen, centre), edges)
 
     # --- parts ------------------------------------------------------------------------------
 

@@ -183,6 +183,9 @@ SEARCHES = 0.2
 SMALL = 1e-4
 #: Singular configurations to search from where branch and bound adds what they miss.
 FEW = 2000
+#: Step of the grid on which surfaces are looked for first [rad]. Branch and bound adds what it
+#: misses; a finer one is taken if the result is not certified.
+COARSE = 2.0 * np.pi / 96.0
 Kind = Literal["certified", "found", "sampled", "stopped"]
 
 
@@ -483,24 +486,29 @@ def workspace(
         if small:
             reach, reach_gap = search.proven((), reach)
             farthest = float(reach[0].radius[1])
-            if found.codimension == 1:
-                keep(search.exact(found))
-            else:
-                keep(search.sampled(found, FEW, rng, reach[0].at, keep))
-            equations = found.triangle.equations
-            proven, gap = search.proven(equations, shells, lambda q: _is_member(found, q))
-            keep(proven)
-            gap = max(gap, reach_gap)
         else:
             farthest = largest_distance_within(arm, mode, box, reach[0].radius)
-            keep(search.sampled(found, effort, rng, reach[0].at, keep))
-            gap = left_out(found, box, merged([shell.radius for shell in shells]), farthest)
-        return known(
-            prove_shells(found, box, shells, farthest, proving), min(gap, farthest), farthest
-        )
+        surfaces = small and found.codimension == 1 and found.dimension == 2
+        for resolution in (COARSE, 0.0) if surfaces else (0.0,):
+            if small and found.codimension == 1:
+                keep(search.exact(found, resolution))
+            else:
+                keep(search.sampled(found, FEW if small else effort, rng, reach[0].at, keep))
+            if small:
+                equations = found.triangle.equations
+                proven, gap = search.proven(equations, shells, lambda q: _is_member(found, q))
+                keep(proven)
+                gap = max(gap, reach_gap)
+            else:
+                gap = left_out(found, box, merged([shell.radius for shell in shells]), farthest)
+            proof = prove_shells(found, box, shells, farthest, proving)
+            result = known(proof, min(gap, farthest), farthest)
+            if result.kind == "certified":
+                break
     except KeyboardInterrupt:
         why = "shells may be missing, or wider than found so far"
         raise StoppedError(why, known()) from None
+    return result
 
 
 def _is_member(found: ExactSet, q: Array) -> bool:

@@ -93,9 +93,17 @@ class Equations:
             if np.abs(values).max(initial=0.0) < CONVERGED:
                 break
             slopes = slopes * self.free(Q)[:, None]
-            step = (np.linalg.pinv(slopes, rcond=1e-9) @ values[:, :, None])[..., 0]
+            step = (_inverse(slopes) @ values[:, :, None])[..., 0]
             Q = np.clip(Q - step, self.low, self.high)
         return Q
+
+
+def _inverse(slopes: Array) -> Array:
+    """Compute pseudoinverses (..., n, c) of derivatives (..., c, n)."""
+    if slopes.shape[-2] > 1:
+        return np.asarray(np.linalg.pinv(slopes, rcond=1e-9))
+    square = (slopes * slopes).sum(axis=-1, keepdims=True)
+    return np.asarray((slopes / np.where(square > 0.0, square, 1.0)).swapaxes(-1, -2))
 
 
 class Tube(NamedTuple):
@@ -205,6 +213,8 @@ MOST_STEPS = 1000
 ON_SET = 1e-11
 #: Share of the steepest slope of R^2 below which a walk begins in any direction.
 LEVEL = 1e-7
+#: Share of the scale of R^2 below which its polynomial does not give all digits of R.
+NEAR_CENTRE = 1e-3
 #: Distance from a limit below which a joint stands on it [rad].
 ON_LIMIT = 1e-9
 #: How far from an end walks begin instead [rad], and in how many directions that is tried.
@@ -314,7 +324,7 @@ class Prover:
         self.f = Equations([Jets.of(f) for f in found.triangle.equations], box)
         self.shared = shared_columns(found) if found.codimension > 1 else ()
         R2 = radius_squared(self.arm, mode=self.mode)
-        self.R2 = Jets.of(R2)
+        self.R2, self.size = Jets.of(R2), R2.scale or 1.0
         self.level = LEVEL * float(self.R2.polynomial.lipschitz.max())
         # by so much R changes at most if no joint moves by more than 1 rad [m]:
         self.slope = self.arm.n * float(np.sqrt(R2.scale))  # |p(q) - p(q + pi)| = 2 |dp/dq|
@@ -325,6 +335,13 @@ class Prover:
     def distances(self, Q: Array) -> Array:
         """Compute R (m,) at configurations (m, n) [m]."""
         return distances(self.arm, Q, self.mode)
+
+    def distance(self, q: Array) -> float:
+        """Compute R at one configuration (n,), by its polynomial where that has all digits [m]."""
+        square = float(self.R2(q[None]).value[0])
+        if square > NEAR_CENTRE:
+            return float(np.sqrt(square * self.size))
+        return float(self.distances(q[None])[0])
 
     def walk_from_ends(self, ends: Array) -> None:
         """Walk from singular configurations (e, n) at the ends of the wanted distances."""
@@ -396,11 +413,11 @@ class Prover:
 
         It ends at `stop` [m], or where no step leads on.
         """
-        q, R, stride = start, float(self.distances(start[None])[0]), STRIDE
+        q, R, stride = start, self.distance(start), STRIDE
         points = [q]
         while len(points) < MOST_STEPS and stride > LEAST_STRIDE and sign * (stop - R) > 0.0:
             tried = self.f.onto((q + stride * self._direction(q, sign))[None])
-            there = float(self.distances(tried)[0])
+            there = self.distance(tried[0])
             on_set = np.abs(self.f(tried).value).max() < ON_SET
             near = np.linalg.norm(tried[0] - q) < 2.0 * stride
             if on_set and near and sign * (there - R) > 0.0:
@@ -434,4 +451,4 @@ class Prover:
 def _along(slopes: Array, g: Array, free: Array) -> Array:
     """Project a direction (n,) of the free joints to one normal to slopes (c, n)."""
     J, d = slopes * free, g * free
-    return np.asarray(d - np.linalg.pinv(J, rcond=1e-9) @ (J @ d))
+    return np.asarray(d - _inverse(J) @ (J @ d))

@@ -19,7 +19,7 @@ from spacearm.polynomial.branch_and_bound import enclose
 from spacearm.polynomial.level_set import connected
 from spacearm.polynomial.newton import bounded_extreme, onto, polish
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
-from spacearm.singularities.exact_set import ExactSet
+from spacearm.singularities.exact_set import ExactSet, extremes
 from spacearm.singularities.polynomials import distances, radius_squared
 from spacearm.singularities.sets import singular_set
 from spacearm.workspaces.extent import Box
@@ -51,8 +51,9 @@ class Shell(NamedTuple):
     Attributes:
         radius: (2,) least and largest distance [m].
         at: (2, n) configurations at which they are attained.
-        component: Number of the component in `SingularSet.components`, for arms with up to three
-            relevant joints and without joint limits; else the number of the piece.
+        component: Number of the piece: without joint limits, for arms with up to three relevant
+            joints, that of the connected component. Components that come within 4 degrees of each
+            other may count as one.
     """
 
     radius: Array
@@ -169,13 +170,18 @@ class ShellSearch:
             shells = [*shells, self.about(equations, root[None], len(shells), counts=counts)]
         return shells, proof.gap / to_R
 
-    def exact(self, found: ExactSet) -> list[Shell]:
-        """Compute a shell for each connected piece of a set of one or two dimensions."""
+    def exact(self, found: ExactSet, resolution: float = 0.0) -> list[Shell]:
+        """Compute a shell for each connected piece of a set of one or two dimensions.
+
+        Grids for surfaces need not be finer than `resolution` [rad].
+        """
         if not found.relevant:
             return []  # S is a constant: nothing is singular
         if not self.box.limited:
-            return [Shell(c.radius, c.at, i) for i, c in enumerate(found.components())]
-        pieces = [*_clipped(found, self.box), *_ends_on_faces(found, self.box)]
+            pieces = found.rough_pieces(resolution)
+            ends = [extremes(self.arm, self.mode, found.S, points) for points in pieces]
+            return [Shell(distances(self.arm, at, self.mode), at, i) for i, at in enumerate(ends)]
+        pieces = [*_clipped(found, self.box, resolution), *_ends_on_faces(found, self.box)]
         return [self.about((found.S,), piece, i) for i, piece in enumerate(pieces)]
 
     def sampled(
@@ -257,13 +263,13 @@ def without(ranges: Array, parts: Array, tolerance: float = 0.0) -> Array:
     return np.concatenate(left)
 
 
-def _clipped(found: ExactSet, box: Box) -> list[Array]:
+def _clipped(found: ExactSet, box: Box, resolution: float) -> list[Array]:
     """Return points (m, n) on each connected piece of a curve or surface within the box.
 
     Joints that S does not depend on are uniform in the box.
     """
     if found.dimension == 2:
-        mesh = found.surface()
+        mesh = found.surface(resolution=resolution)
         edges = np.concatenate([mesh.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
         points: Array = np.zeros((len(mesh.vertices), found.arm.n))
         points[:, list(found.relevant)] = mesh.vertices

@@ -5,7 +5,13 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from spacearm.polynomial.level_set import _isosurface, lines
+from spacearm.polynomial.level_set import (
+    _hides_something,
+    _isosurface,
+    lines,
+    rough_surface,
+    surface,
+)
 from spacearm.polynomial.trig import TrigPolynomial
 
 N = 24
@@ -70,3 +76,34 @@ def test_necks_narrower_than_a_cell_part_the_lines_that_they_should(eps):
         sines = np.sin(loop)
         assert (sines.prod(axis=1) + eps) == pytest.approx(0.0, abs=1e-11)
         assert (np.abs(np.sign(sines).sum(axis=0)) == len(loop)).all()
+
+
+def polynomial(seed, level):
+    """A polynomial of three angles; its zero set has the more and smaller pieces the higher."""
+    rng = np.random.default_rng(seed)
+    c = rng.normal(size=(5, 5, 3)) + 1j * rng.normal(size=(5, 5, 3))
+    c[2, 2, 1] += level
+    return TrigPolynomial(c + np.conj(c[::-1, ::-1, ::-1]))
+
+
+def test_points_of_a_rough_surface_are_near_the_set_and_connected_as_those_on_it():
+    S = polynomial(1, 6.0)
+    rough, exact = rough_surface(S, resolution=0.14), surface(S, resolution=0.14)
+    assert (rough.triangles == exact.triangles).all()
+    off = np.abs(np.angle(np.exp(1j * (rough.vertices - exact.vertices))))
+    assert 1e-6 < off.max() < 0.14
+    assert np.abs(S(exact.vertices)).max() < 1e-11 * S.scale
+
+
+@pytest.mark.parametrize(("radius", "hidden"), [(0.05, True), (0.3, False)])
+def test_a_piece_between_the_points_of_a_grid_is_noticed(radius, hidden):
+    """A ball about a point that is in the middle of a cell."""
+    step = 2 * np.pi / N
+    c = np.zeros((3, 3, 3), complex)
+    for at in ((0, 1, 1), (1, 0, 1), (1, 1, 0), (2, 1, 1), (1, 2, 1), (1, 1, 2)):
+        c[at] = 0.5
+    c[1, 1, 1] = -3.0 + 0.5 * radius**2
+    S = TrigPolynomial(c).shifted(np.full(3, -0.5 * step))
+    values = S.grid((N, N, N))
+    assert (values > 0.0).any() != hidden
+    assert _hides_something(S, values, step) == hidden
