@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from datetime import timedelta
@@ -21,7 +22,8 @@ from spacearm.cli.wording import INTERRUPTED
 from spacearm.compiler.machine import processors
 from spacearm.files import is_there
 from spacearm.results import Column, Description, Table
-from spacearm.sweeps.runner import Tally, connect, estimate, run_chunks, status
+from spacearm.sweeps.estimates import estimate
+from spacearm.sweeps.runner import Tally, connect, run_chunks, status
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -55,8 +57,8 @@ def run_study(
         return _print_status(read, store)
     if dry_run:
         with _client(scheduler) as client:
-            cores = sum(client.nthreads().values()) if client else workers or processors()
-        _print_estimate(read, store, cores)
+            cores = sum(client.nthreads().values()) if client else processors()
+        _print_estimate(read, store, min(workers or cores, cores))
         return 0
     latest = Tally(0, 0, 0, read.total)
     code = 0
@@ -120,22 +122,33 @@ def _print_status(study: sa.Study, store: Path) -> int:
     return 1 if errors else 0
 
 
-def _print_estimate(study: sa.Study, store: Path, cores: int) -> None:
+def _print_estimate(study: sa.Study, store: Path, workers: int) -> None:
+    start = time.process_time()  # a worker imports and reads what this process has by now
     done = {s.quantity: s.done for s in status(study, store)} if is_there(store) else {}
-    rows, seconds, size = [], 0.0, 0.0
-    for quantity, chunks, each, nbytes in estimate(study):
-        left = chunks - done.get(quantity, 0)
-        seconds += left * each
-        size += nbytes
-        rows.append((quantity, chunks, left, each, left * each / 3600, nbytes / 1e6))
+    rows = []
+    seconds = workers * start
+    is_known = True
+    longest, size = 0.0, 0.0
+    for found in estimate(study, max(workers, 1)):
+        left = found.chunks - done.get(found.quantity, 0)
+        part = left / found.chunks
+        told = found.seconds if found.is_known else found.at_least
+        seconds += part * told
+        is_known = is_known and (found.is_known or not left)
+        longest = max(longest, found.longest if left else 0.0)
+        size += found.nbytes
+        each, hours = told / found.chunks, part * told / 3600
+        rows.append((found.quantity, found.chunks, left, each, hours, found.nbytes / 1e6))
     columns = (
         "quantity", "chunks", "to do", Column("a chunk", "s", ".3g"),
         Column("in all", "core h", ".3g"), Column("disk", "MB", ".3g"),
     )  # fmt: skip
     verdict = "the cluster has no workers yet"
-    if cores:
-        time = timedelta(seconds=math.ceil(seconds / cores))
-        verdict = f"about {time} on {cores} core{'s' * (cores != 1)}, start of the workers apart"
+    if workers:
+        wall = start + max(seconds / workers, longest + start)  # this process starts first
+        cores = f"{workers} free core{'s' * (workers != 1)}"
+        verdict = f"{'about' if is_known else 'at least'} {timedelta(seconds=math.ceil(wall))}"
+        verdict += f" on {cores}, waits for the disk apart"
     folder = next(p for p in (store.absolute(), *store.absolute().parents) if is_there(p))
     free = shutil.disk_usage(folder).free
     disk = f"disk: at most {size / 1e6:,.3g} MB of {free / 1e6:,.0f} MB free"

@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-import math
 import os
 import queue
 import threading
-import time
 from collections import Counter
 from collections.abc import Callable, Collection, Generator, Iterator
 from concurrent.futures import Future
@@ -22,7 +20,6 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from spacearm.arrays import MOST_THREADS, whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import SpaceArmError, StoreError, SweepError, imported, listed
-from spacearm.files import temporary_folder
 from spacearm.processes import Process, Threads, WorkerLostError
 from spacearm.signatures import checked
 from spacearm.sweeps.store import DONE, FAILED, Store, dataset
@@ -230,22 +227,6 @@ class Tally(NamedTuple):
         return self.kept + self.computed + self.failed
 
 
-class Estimate(NamedTuple):
-    """Time and disk that a quantity of a study will take.
-
-    Attributes:
-        quantity: Its name.
-        chunks: Number of chunks.
-        seconds: Time of a calibration chunk on one core [s], once all is compiled.
-        nbytes: Size of its numbers, uncompressed.
-    """
-
-    quantity: str
-    chunks: int
-    seconds: float
-    nbytes: int
-
-
 class Status(NamedTuple):
     """The part of a quantity that is in a store.
 
@@ -390,26 +371,6 @@ def check_content(
             f"damaged now ({names}): their files were removed or changed while the sweep ran; run "
             "the same command again to compute them again"
         )
-
-
-def estimate(study: Study) -> list[Estimate]:
-    """Estimate what a study will take.
-
-    Of each quantity a chunk in the middle is computed and thrown away.
-    """
-    estimates = []
-    with temporary_folder() as folder:
-        store = Store.create(folder / "estimate.zarr", study)
-        for name, quantity in study.quantities.items():
-            chunk = Chunk(name, study.count(name) // 2)
-            seconds = []
-            for _ in range(2):  # the first time may compile
-                start = time.perf_counter()
-                store.write(chunk, study.compute(chunk))
-                seconds.append(time.perf_counter() - start)
-            size = quantity.nbytes(math.prod(study.shape))
-            estimates.append(Estimate(name, study.count(name), min(seconds), size))
-    return estimates
 
 
 def status(study: Study, store: str | os.PathLike[str]) -> list[Status]:
