@@ -2,31 +2,38 @@
 
     python benchmarks/soak.py                # all of it: hours
     python benchmarks/soak.py 0.01           # a hundredth of it: a minute
-    python benchmarks/soak.py 1 load slide   # some jobs: evaluate, simulate, load, slide
+    python benchmarks/soak.py 1 load slide   # some jobs: evaluate, simulate, load, slide, view
 
 A billion batch evaluations, 24 simulated hours, 10,000 moves of a slider in the browser (with pip
-install -e '.[test]' and chromium), 1,000 loads. Each job is done in eleven equal parts. The first
-one fills caches; after each of the others the resident memory of the process and what Python itself
-holds (tracemalloc) are read, and for the slider what the browser's processes and, its garbage
-collected, the page hold. Growth is the slope of a straight line through these ten readings: exit
-code 1 if one is over what its job and meter are allowed (see ALLOWED).
+install -e '.[test]' and chromium), 1,000 loads, and an hour with a viewer that is served to
+connections without a browser (see MINUTE; chromium draws its pictures). Each job is done in eleven
+equal parts. The first one fills caches; after each of the others the resident memory of the process
+and what Python itself holds (tracemalloc) are read, and for the slider what the browser's processes
+and, its garbage collected, the page hold. Growth is the slope of a straight line through these ten
+readings: exit code 1 if one is over what its job and meter are allowed (see ALLOWED).
 """
 
 from __future__ import annotations
 
+import asyncio
 import gc
+import json
 import resource
 import sys
+import tempfile
 import time
 import tracemalloc
-from collections.abc import Callable, Iterator
+import weakref
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import cycle
 from pathlib import Path
 from shutil import which
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from tornado.websocket import websocket_connect
 
 import spacearm as sa
 
@@ -127,6 +134,96 @@ def slider() -> Iterator[tuple[Job, dict[str, Meter]]]:
     viewer.close()
 
 
+ROBOTS = ("planar2", "planar3", "mda6")
+"""Robots on show, one a minute in turn."""
+COMPUTED = (
+    {"do": "plan"},
+    {"do": "compute", "what": "shells"},
+    {"do": "compute", "what": "risk"},
+    {"do": "compute", "what": "attitudes", "path": "goal"},
+    {"do": "compute", "what": "ranges"},
+)
+"""What the page has computed, one a minute in turn; in the sixth minute a picture is drawn."""
+TURNS = np.linspace(-0.5, 0.5, 8)
+MINUTE = (
+    {"do": "spacecraft", "mode": "attitude-controlled"},
+    {"do": "spacecraft", "mode": "free-floating"},
+    {"do": "mode", "mode": "free-floating"},
+    *({"do": "joint", "index": 1, "value": 0.3 + turn} for turn in TURNS),
+    {"do": "nearest"},
+    {"do": "random"},
+    {"do": "mode", "mode": "posture"},
+    {"do": "home"},
+    *({"do": "attitude", "rpy": [0.0, 0.0, turn]} for turn in TURNS),
+    {"do": "joint", "index": 1, "value": 0.8},
+    {"do": "map"},
+    *({"do": "grab", "grip": 1, "shift": [0.1 * turn, 0.1 * turn, 0.0]} for turn in TURNS),
+    *({"do": "fly", "twist": [0.01, 0.02, 0, 0, 0, 0], "dt": 0.1, "frame": "tip"} for _ in TURNS),
+    {"do": "land"},
+    {"do": "motion"},
+    {"do": "poses"},
+    {"do": "compare", "with": "fixed"},
+    *({"do": "time", "t": 1.0 + turn} for turn in TURNS),
+    {"do": "compare"},
+    *({"do": "layer", "name": "grid", "visible": visible} for visible in (False, True)),
+    {"do": "arm", "joints": "all"},
+    {"do": "arm", "robot": "no such robot"},
+)
+"""Requests of a page in a minute: sliders, poses, drags, a flight by hand and its playback."""
+VISITS = 5
+"""Connections in a minute that get the scene and end, every other one without a farewell."""
+ROUND = 6
+"""Minutes after which the same comes again."""
+
+
+def use() -> Job:
+    """Minutes with a viewer that is served: each another robot, requests, visits and a job."""
+    viewer = sa.view(sa.load(ROBOTS[-1]), open=False)
+    folder = tempfile.TemporaryDirectory()
+    picture = Path(folder.name, "scene.png")
+    minutes = cycle(range(ROUND))
+
+    def minute(number: int) -> None:
+        asyncio.run(_asked(viewer.serve(), [{"do": "arm", "robot": ROBOTS[number % len(ROBOTS)]}]))
+        asyncio.run(_asked(viewer.serve(), MINUTE))
+        for visit in range(VISITS):
+            asyncio.run(_asked(viewer.serve(), [], farewell=visit % 2 == 0))
+        if number < len(COMPUTED):
+            asyncio.run(_asked(viewer.serve(), [{"do": "goal"}, COMPUTED[number]]))
+        else:
+            viewer.png(picture, (300, 200))
+        viewer._repr_html_()
+
+    def run(count: int) -> None:
+        for _ in range(count):
+            minute(next(minutes))
+
+    weakref.finalize(run, folder.cleanup)
+    return run
+
+
+async def _asked(url: str, requests: Sequence[Any], farewell: bool = True) -> None:
+    """Send requests by a connection of their own, each when the one before is done."""
+    socket = await websocket_connect(url.replace("http", "ws", 1).replace("/?", "/socket?"))
+    await _told(socket, "complete")
+    for request in requests:
+        await socket.write_message(json.dumps(request))
+        while (await _told(socket, "readout"))["task"]:
+            pass
+    if farewell:
+        socket.close()
+    else:
+        socket.protocol.stream.close()
+
+
+async def _told(socket: Any, name: str) -> Any:
+    """Return what the next message of a name says."""
+    while (message := await socket.read_message()) is not None:
+        if isinstance(message, str) and name in (content := json.loads(message)):
+            return content[name]
+    raise ConnectionError("the viewer has hung up")
+
+
 def resident(pid: int | str = "self") -> float:
     """Memory of a process [MB]."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
@@ -149,10 +246,13 @@ def soak(what: str, part: int, job: Job, meters: dict[str, Meter], call: int = 1
     }
     readings = []
     start = time.perf_counter()
-    for _ in range(PARTS):
+    for count in range(1, PARTS + 1):
         job(part)
         gc.collect()
         readings.append([read() for read in meters.values()])
+        now = (f"{label} {value:.2f} MB" for label, value in zip(meters, readings[-1], strict=True))
+        after = time.perf_counter() - start
+        print(f"{count * part:,} {what} after {after:.0f} s", *now, sep=", ", file=sys.stderr)
     seconds = time.perf_counter() - start
     print(f"{part * PARTS:,} {what} in {seconds:.0f} s, memory after a {PARTS}th and at the end:")
     flat = True
@@ -172,7 +272,7 @@ def soak(what: str, part: int, job: Job, meters: dict[str, Meter], call: int = 1
 def main() -> int:
     """Runs the jobs; 0 if memory stays flat in all of them."""
     scale = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
-    jobs = sys.argv[2:] or ["evaluate", "simulate", "load", "slide"]
+    jobs = sys.argv[2:] or ["evaluate", "simulate", "load", "slide", "view"]
     tracemalloc.start()
     flat = []
 
@@ -188,6 +288,8 @@ def main() -> int:
     if "slide" in jobs:
         with slider() as (moves, meters):
             flat.append(soak("slider moves", part(10_000), moves, meters))
+    if "view" in jobs:
+        flat.append(soak("minutes with the viewer", ROUND * part(60 // ROUND), use(), {}))
     return 0 if all(flat) else 1
 
 

@@ -125,7 +125,10 @@ class Server:
 
         Other users see the command that starts a browser, and the address in it.
         """
-        self._tickets[ticket := secrets.token_urlsafe(16)] = time.monotonic() + PATIENCE
+        now = time.monotonic()
+        self._tickets = {ticket: end for ticket, end in self._tickets.items() if now < end}
+        ticket = secrets.token_urlsafe(16)
+        self._tickets[ticket] = now + PATIENCE
         return f"http://{LOOPBACK}:{self.port}/?ticket={ticket}"
 
     def admits(self, token: str) -> bool:
