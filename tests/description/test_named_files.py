@@ -402,6 +402,51 @@ def test_top_folders_and_the_home_folder_are_not_around_a_file_that_a_link_leads
     assert Packages(user / "arm" / "arm.urdf").around == [user / "arm", disk / "arm"]
 
 
+ABOVE = [
+    ("/workspace/urdf", True),
+    ("/mnt/disk/urdf", True),
+    ("/home/somebody/robot/urdf", True),
+    ("/Users/somebody/robot/urdf", True),
+    ("/opt/robot/urdf", True),
+    ("/urdf", False),
+    ("/tmp/urdf", False),
+    ("/opt/urdf", False),
+    ("/mnt/urdf", False),
+    ("/var/tmp/urdf", False),
+    ("/private/tmp/urdf", False),
+    ("/usr/share/urdf", False),
+    ("/root/urdf", False),
+    ("/home/somebody/urdf", False),
+    ("/Users/somebody/urdf", False),
+]
+
+
+@pytest.mark.parametrize(("folder", "read"), ABOVE)
+def test_the_folder_above_counts_unless_it_is_a_home_or_of_the_system(folder, read):
+    packages = Packages(Path(folder, "arm.urdf"))
+    assert packages.holds(Path(folder, "meshes", "arm.stl"))
+    assert packages.holds(Path(folder).parent / "meshes" / "arm.stl") == read
+    assert not packages.holds(Path(folder).parent / ".hidden" / "arm.stl")
+
+
+def test_the_home_folder_is_not_above_a_robot_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    for folder, read in ((tmp_path / "urdf", False), (tmp_path / "robot" / "urdf", True)):
+        mesh = folder.parent / "meshes" / "part.stl"
+        for place in (folder, mesh.parent):
+            place.mkdir(parents=True)
+        mesh.write_bytes(solid().export(file_type="stl"))
+        (folder / "arm.urdf").write_text(arm_with("../meshes/part.stl"))
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            arm = sa.load(folder / "arm.urdf")
+        assert (arm.tree.visuals["arm"].visual[0].geometry.file == mesh) == read
+        said = " ".join(str(w.message) for w in caught)
+        assert (str(mesh) in said and "packages=[FOLDER]" in said) == (not read)
+        named = sa.load(folder / "arm.urdf", packages=folder.parent)
+        assert named.tree.visuals["arm"].visual[0].geometry.file == mesh
+
+
 def test_names_that_no_file_can_have_name_none(home):
     for name in ("a\0b.stl", "x" * 5000, "a/" * 3000 + "b.stl", "\ud800.stl", "", ".", "//", "~"):
         assert named_files(name, [home], lambda file: lies_in(file, [home])) == ([], [])

@@ -19,6 +19,17 @@ DEPTH = 3
 LEVELS = 5
 #: Largest number of folders that are searched in one place.
 MOST_FOLDERS = 5_000
+#: Folders right below the root of the file system that belong to the system and to all its users.
+#: Any other one, such as /workspace, may be that of a project.
+SYSTEM = frozenset(
+    ("bin", "boot", "dev", "etc", "home", "lib", "lib32", "lib64", "media", "mnt", "nix", "opt")
+    + ("proc", "root", "run", "sbin", "snap", "srv", "sys", "tmp", "usr", "var")
+    + ("Applications", "Library", "System", "Users", "Volumes", "cores", "private")
+)
+#: Those of them whose folders belong to the system too: on macOS /tmp is a link to /private/tmp.
+DIVIDED = frozenset(("dev", "private", "run", "usr", "var"))
+#: Those of them whose folders are the homes of users.
+HOMES = frozenset(("Users", "home"))
 #: Suffixes of meshes; MuJoCo has one of its own.
 MESHES = (*FORMATS, ".msh")
 #: Environment variables that name folders of models of Gazebo.
@@ -129,7 +140,7 @@ class Packages:
         """Whether a robot file may name a file.
 
         It may if the file belongs to the packages found so far or lies around the robot file, links
-        followed. Around it means not hidden and, where that is a top folder, in this folder itself;
+        followed. Around it means not hidden and, where that is a system folder, in it itself;
         below the folder of the robot file is always around it. Links in folders that the caller or
         the environment names may lead anywhere.
 
@@ -151,7 +162,7 @@ class Packages:
             parts = file.relative_to(place).parts
             hidden = any(part.startswith(".") for part in parts)
             own = folder in own_folders and len(folder.parts) > 1
-            if not hidden and (own or len(parts) == 1 or not _is_top(folder)):
+            if not hidden and (own or len(parts) == 1 or not _is_system(folder)):
                 return True
         return False
 
@@ -181,22 +192,25 @@ class Packages:
 
 
 def _above(file: Path) -> Iterator[Path]:
-    """Yield the folder of a file and those above, not as far as the home or the top folders."""
-    homes = Path.home(), Path.home().resolve()
+    """Yield the folder of a file and those above, not as far as home and system folders."""
     for level, folder in enumerate(file.parents):
-        if level > LEVELS or (level and (folder in homes or _is_top(folder))):
+        if level > LEVELS or (level and (_is_home(folder) or _is_system(folder))):
             return
         yield folder
         if is_there(folder / ".git"):
             return
 
 
-def _is_top(folder: Path) -> bool:
-    """Whether a folder is the root of the file system or right below it.
+def _is_home(folder: Path) -> bool:
+    """Whether a folder is the home folder of the user, or that of another one."""
+    homes = Path.home(), Path.home().resolve()
+    return folder in homes or (len(folder.parts) == 3 and folder.parts[1] in HOMES)
 
-    On macOS /tmp, /var and /etc are links to folders right below /private.
-    """
-    return len(folder.parts) <= (3 if folder.parts[1:2] == ("private",) else 2)
+
+def _is_system(folder: Path) -> bool:
+    """Whether a folder is the root of the file system, or holds what belongs to no one project."""
+    top, *below = folder.parts[1:] or ("",)
+    return not top or (top in SYSTEM and len(below) <= (top in DIVIDED))
 
 
 def _below(place: Path) -> Iterator[Path]:

@@ -255,7 +255,8 @@ class Source:
             refused = [f"{name[:LONGEST]!r} is {why}" for name, why in self._refused.items()]
             self.warn(
                 f"meshes not read (physics is not affected): {listed(refused, longest=LONGEST)}; "
-                "if they are meant to be, name their folder by packages=[FOLDER]"
+                "relative names may lead to the packages of the robot file and to the folders "
+                "around it, not to home or system folders; name others by packages=[FOLDER]"
             )
         lost = [name for name, file in self._meshes.items() if file is None]
         names = (*others, *(name for name in lost if name not in self._refused))
