@@ -298,6 +298,10 @@ BAD = {
         mjcf(free(link("a", inertial='<inertial pos="0 0 0" mass="1" diaginertia="1 1 3"/>'))),
         "compiled by MuJoCo .*inertia must satisfy A . B >= C",
     ),
+    "a class that is a format of printf": (
+        mjcf(free(link("a", "", '<geom class="%s%n" size="1"/>'))),
+        "<geom> names the class '%s%n'.* rename the class, without %",
+    ),
     "a missing include": (mjcf('<include file="no.xml"/>'), "compiled .*no.xml"),
     "a part": ("<mujocoinclude/>", "is a part of an MJCF; load the file that includes it"),
 }

@@ -115,6 +115,7 @@ class _Bounds:
                     f"asks for more than {MOST_ELEMENTS:,} elements, with those that are copied",
                     "copy or generate fewer",
                 )
+            self._check_class(element)
             self._check_numbers(element)
             if element.tag not in DELETED:
                 names = self._parts if element.tag in PARTS else self._meshes
@@ -179,6 +180,18 @@ class _Bounds:
             known = codecs.lookup(encoding).name  # utf8 is UTF-8, latin1 ISO-8859-1
         if known not in ENCODINGS:
             self._source.fail(f"is encoded as {encoding!r}", "save it as UTF-8")
+
+    def _check_class(self, element: etree._Element) -> None:
+        """Refuse a class that MuJoCo, which does not know it, would take for a format of printf.
+
+        Its message then reads and writes memory that is not its own.
+        """
+        name = element.get("class", "")
+        if "%" in name:
+            self._source.fail(
+                f"<{element.tag}> names the class {name!r}, which MuJoCo cannot take",
+                "rename the class, without %",
+            )
 
     def _check_numbers(self, element: etree._Element) -> None:
         """Add the numbers that an element asks for; refuse too many."""
