@@ -30,6 +30,9 @@ from spacearm.mission.attitudes import MARGIN
 from spacearm.singularities.risk import NEAR
 from spacearm.sweeps.toml import Table
 
+#: Number of postures that wheels are sized for, if it is not given.
+POSTURES = 2000
+
 
 @opt.answering("attitudes", "view")
 def find_attitudes(
@@ -171,7 +174,7 @@ def hold_target(
         ),
     ] = False,
     attitude: opt.Attitude = None,
-    mode: opt.Mode = "free-floating",
+    mode: opt.MaybeMode = None,
     more: With = None,
     save: Annotated[
         Path | None,
@@ -188,6 +191,9 @@ def hold_target(
     if given and set(arm.tips) != set(given):
         arm = arm.replace(tip=list(given))
     asked = question(more, "start", "limits", "seed", "exact", "regrasp")
+    if "regrasp" in asked.values:
+        reported = {"--mode": mode, "--with exact": "exact" in asked.values}
+        opt.refuse_unused(reported, "without regrasp, which gives no report of singularities")
     start = opt.configuration(arm, q, attitude, deg, asked.inner("start"))
     held = sa.hold(
         start,
@@ -212,7 +218,11 @@ def hold_target(
     if way is not None:
         return Answer(way, written=written)
     with working("searching", form=STEP_LIMIT) as progress:
-        report = held.report(mode=mode, progress=progress, **{"exact": True} | asked.some("exact"))
+        report = held.report(
+            mode=mode or "free-floating",
+            progress=progress,
+            **{"exact": True} | asked.some("exact"),
+        )
     return Answer(report, told={"grasps": held.to_dict()["grasps"]}, written=written)
 
 
@@ -302,7 +312,9 @@ def size_wheels_of(
         list[Path] | None,
         typer.Option(metavar="NPZ", help="A motion in place of --tip-speed; may be repeated."),
     ] = None,
-    samples: Annotated[int, typer.Option(help="Number of postures.", min=1)] = 2000,
+    samples: Annotated[
+        int | None, typer.Option(help=f"Number of postures. Default: {POSTURES:,}.", min=1)
+    ] = None,
     near: Annotated[
         float | None,
         typer.Option(
@@ -310,18 +322,23 @@ def size_wheels_of(
             "with --deg in degrees. Default: 5 degrees."
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the postures.")] = 0,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of the postures. Default: 0.", min=0)
+    ] = None,
     deg: bool = False,
 ) -> sa.WheelSizing:
     """Compute the momentum that wheels need."""
+    if motion:
+        drawn = {"--samples": samples, "--near": near, "--seed": seed}
+        opt.refuse_unused(drawn, "without --motion, whose postures are given")
     with working("sizing wheels") as progress:
         return sa.size_wheels(
             arm,
             [sa.Motion.load(path, arm) for path in motion] if motion else None,
             tip_speed=tip_speed,
-            samples=samples,
+            samples=samples or POSTURES,
             near=opt.radians(near, deg, NEAR),
-            seed=seed,
+            seed=seed or 0,
             progress=progress,
         )
 

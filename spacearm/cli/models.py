@@ -129,7 +129,7 @@ def export_to_file(
         Path | None,
         typer.Option(metavar="NPZ", help="Export this motion, saved by --save, not the robot."),
     ] = None,
-    mode: opt.Mode = "free-floating",
+    mode: opt.MaybeMode = None,
     servo: Annotated[bool, typer.Option("--servo", help="Add the servo to the C code.")] = False,
 ) -> None:
     """Write a robot or a motion for other programs."""
@@ -138,14 +138,14 @@ def export_to_file(
         raise sa.ConfigurationError("--output and --c-code are given; leave one of them out")
     if c_code is not None and motion is not None:
         raise sa.ConfigurationError("--c-code is code of the robot; leave out --motion")
-    if c_code is None and servo:
-        raise sa.ConfigurationError("--servo adds the servo to C code; give --c-code FOLDER")
+    if c_code is None:
+        opt.refuse_unused({"--mode": mode, "--servo": servo}, "with --c-code FOLDER")
     if c_code is not None:
         try:
             c_code.mkdir(exist_ok=True)
         except OSError as error:
             raise sa.SpaceArmError(f"--c-code {c_code}: no folder can be made: {error}") from None
-        written = sa.to_c(arm, c_code, mode=mode, servo=servo)
+        written = sa.to_c(arm, c_code, mode=mode or "free-floating", servo=servo)
     elif output is not None and motion is not None:
         written = [sa.write_motion(sa.Motion.load(motion, arm), output)]
     elif output is not None:

@@ -394,6 +394,23 @@ def pairs(option: str, texts: list[str] | None, form: str, sign: str = "=") -> d
     return found
 
 
+def refuse_unused(given: Mapping[str, object], needed: str) -> None:
+    """Refuse options that have no effect in this combination.
+
+    Args:
+        given: The value of each option, None or False where it was not given.
+        needed: What they have an effect with.
+
+    Raises:
+        ConfigurationError: One was given.
+    """
+    for option, value in given.items():
+        if value is not None and value is not False:
+            raise sa.ConfigurationError(
+                f"{option} is given and has no effect here: it works {needed}; leave it out"
+            )
+
+
 def assignments(option: str, texts: list[str] | None) -> dict[str, float]:
     """Parse JOINT=VALUE, as often as given."""
     given = pairs(option, texts, "JOINT=VALUE, once for each joint")

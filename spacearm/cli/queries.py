@@ -226,6 +226,9 @@ def draw_singular_map(
 ) -> Answer:
     """Map the distance to the singular set."""
     fixed = {joint_name(arm, name): value for name, value in opt.assignments("--fix", fix).items()}
+    mapped = [joint_name(arm, name) for name in axes or ()]
+    both = {f"--fix {name}": value for name, value in fixed.items() if name in mapped}
+    opt.refuse_unused(both, "with joints other than those of --axes")
     q = opt.joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
     result, code = kept(
         "computing the map",

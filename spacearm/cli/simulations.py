@@ -178,6 +178,8 @@ def _ended(run: sa.Trajectory | sa.Flight, done: str) -> int:
     return 0
 
 
+#: Topic that is read of an .mcap file.
+TOPIC = "/joint_states"
 #: Exit code where a state was nearer than --stop, or made no sense.
 TOO_NEAR = 3
 #: The distances of --stop and --slow where they are not given [deg].
@@ -210,14 +212,18 @@ def watch_states(
     ahead: Annotated[
         float, typer.Option(help="How long before the singular posture to warn [s].")
     ] = 5.0,
-    topic: Annotated[str, typer.Option(help="Topic of an .mcap file.")] = "/joint_states",
+    topic: Annotated[
+        str | None, typer.Option(help=f"Topic of an .mcap file. Default: {TOPIC}.")
+    ] = None,
     deg: bool = False,
     as_json: opt.AsJson = False,
 ) -> int:
     """Warn when joint states come near a singular posture."""
+    if Path(file).suffix != ".mcap":
+        opt.refuse_unused({"--topic": topic}, "with an .mcap file")
     near, far = opt.radians(stop, deg, STOP), opt.radians(slow, deg, SLOW)
     servo = sa.Servo(arm, mode=mode, stop=near, slow=far)
-    messages: Iterable[Any] = sys.stdin if file == "-" else recorded(Path(file), topic)
+    messages: Iterable[Any] = sys.stdin if file == "-" else recorded(Path(file), topic or TOPIC)
     level, worst, count, late = "", 0, 0, 0
     for state in servo.watch(messages, ahead=ahead):
         count += 1

@@ -17,6 +17,7 @@ from rich.progress import MofNCompleteColumn, ProgressColumn, Task
 from rich.text import Text
 
 import spacearm as sa
+from spacearm.cli import options as opt
 from spacearm.cli.output import err, out, print_description, working
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.compiler.machine import processors
@@ -54,6 +55,8 @@ def run_study(
     if workers is not None and scheduler is not None:
         raise sa.ConfigurationError("--workers is for this machine; leave it out with --scheduler")
     if show_status:
+        others = {"--dry-run": dry_run, "--scheduler": scheduler, "--workers": workers}
+        opt.refuse_unused(others, "without --status, which computes nothing")
         return _print_status(read, store)
     if dry_run:
         with _client(scheduler) as client:

@@ -74,6 +74,9 @@ def view_configuration(
     deg: bool = False,
 ) -> None:
     """Show a posture or play a motion in the viewer."""
+    if save or png or video:
+        served = {"--port": port, "--no-open": no_open, "--fly": fly}
+        opt.refuse_unused(served, "without --save, --png and --video, which write files and exit")
     with undisturbed():
         if motion:
             if q or attitude:

@@ -54,11 +54,20 @@ def compute_workspace(
         Path | None,
         typer.Option(
             help="Tip path to draw: a text file with one point in each line, relative to the "
-            "system CM [m]."
+            "system CM [m]. Only planar arms."
         ),
     ] = None,
+    output: opt.Picture = None,
+    view: opt.View = False,
+    as_json: opt.AsJson = False,
 ) -> Answer:
     """Compute the workspaces."""
+    if arm.tree.plane_normal() is None:
+        opt.refuse_unused({"--path": path}, "with planar arms, of which a plane is drawn")
+    if (as_json or view) and output is None:
+        opt.refuse_unused(
+            {"--path": path}, "with a picture: --output, or neither --json nor --view"
+        )
     points = None if path is None else _points(path)
     result, code = kept(
         "computing the workspace",

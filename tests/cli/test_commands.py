@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from helpers.arms import chosen, joint, link, random_chain
 from helpers.commands import answer, spacearm
+from helpers.sweeps import STUDY
 
 import spacearm as sa
 from spacearm.cli.app import COMMANDS, command
@@ -77,6 +78,35 @@ def test_path_proves_a_clearance_as_far_as_it_holds(tmp_path):
     assert (
         "a singular posture is nearer than the clearance asked for" in spacearm(*asked, 170).stdout
     )
+
+
+UNUSED = {
+    "--mode": ("export", "planar2", "--output", "a.urdf", "--mode", "fixed"),
+    "--servo": ("export", "planar2", "--output", "a.urdf", "--servo"),
+    "--port": ("view", "planar2", "--save", "a.html", "--port", "7499"),
+    "--no-open": ("view", "planar2", "--png", "a.png", "--no-open"),
+    "--fly": ("view", "planar2", "--save", "a.html", "--fly"),
+    "--topic": ("watch", "planar2", "states.jsonl", "--topic", "/joints"),
+    "--samples": ("wheels", "planar2", "--motion", "a.npz", "--samples", "9"),
+    "--near": ("wheels", "planar2", "--motion", "a.npz", "--near", "0.1"),
+    "--seed": ("wheels", "planar2", "--motion", "a.npz", "--seed", "0"),
+    "--fix joint_1": ("map", "planar3", "--axes", "q1", "q2", "--fix", "joint_1=0.3"),
+    "--path": ("workspace", "mda6", "--path", "a.csv"),
+    "--path FILE": ("workspace", "planar2", "--path", "a.csv", "--json"),
+    "--dry-run": ("sweep", "study.toml", "--store", "a.zarr", "--status", "--dry-run"),
+    "--workers": ("sweep", "study.toml", "--store", "a.zarr", "--status", "--workers", "2"),
+}
+"""Options that have no effect beside others."""
+
+
+@pytest.mark.parametrize("option", UNUSED)
+def test_an_option_without_an_effect_is_an_error(option, tmp_path):
+    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
+    code, _, err = spacearm(*UNUSED[option], cwd=tmp_path)
+    named = option.removesuffix(" FILE")
+    assert code == 2
+    assert f"{named} is given and has no effect here: it works with" in err
+    assert [path.name for path in tmp_path.iterdir()] == ["study.toml"]
 
 
 def test_numbers_of_a_table_are_bounded(tmp_path):
