@@ -504,7 +504,8 @@ def _units(arm: SpaceArm, floating: bool) -> tuple[Array, Array]:
     tree, p = arm_kernels.structure_of(arm), arm_kernels.parameters_of(arm)
     M = float(p.masses.sum())
     reach = np.linalg.norm(p.joint_positions, axis=1).sum() + np.linalg.norm(p.tip_positions[0])
-    gyration = float(np.sqrt(np.trace(p.inertias, axis1=1, axis2=2).sum() / M))
+    moments = np.trace(p.inertias, axis1=1, axis2=2).sum()
+    gyration = float(np.sqrt(abs(moments) / M))  # impossible moments, if accepted, are negative
     L = float(reach + np.linalg.norm(p.centres, axis=1).max() + gyration) or 1.0
     row = np.repeat((1.0 / M, 1.0 / (M * L)) if floating else (1.0, L), 3)
     column = np.ones(6 + arm.n)

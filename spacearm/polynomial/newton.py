@@ -36,8 +36,17 @@ MOST_WAYS = 60
 AT_LIMIT = 1e-7
 
 
+#: Longest component of a step that is scaled: squares of longer ones may overflow.
+LONGEST_STEP = 1e100
+
+
 def shortened(step: Array, stride: float) -> Array:
-    """Scale steps (..., n) down to the length `stride` where they are longer."""
+    """Scale steps (..., n) down to the length `stride` where they are longer.
+
+    Steps that are not finite, as those of slopes that vanish, become zero.
+    """
+    finite = np.isfinite(step).all(axis=-1, keepdims=True)
+    step = np.clip(np.where(finite, step, 0.0), -LONGEST_STEP, LONGEST_STEP)
     size = np.linalg.norm(step, axis=-1, keepdims=True)
     return step * np.minimum(1.0, stride / np.maximum(size, 1e-300))
 

@@ -394,3 +394,11 @@ def test_tips_of_few_configurations_are_those_of_many(name, mode):
     many_tips = tips_from_centre(arm, Q, mode)
     few = np.vstack([tips_from_centre(arm, q[None], mode) for q in Q])
     np.testing.assert_allclose(few, many_tips, rtol=0.0, atol=1e-14 * np.abs(many_tips).max())
+
+
+@pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
+def test_units_are_finite_where_impossible_inertias_are_accepted():
+    parts = (link("bus", 5.0, inertia=-9 * np.eye(3)), link("upper"), link("lower"))
+    joints = (joint("1", "bus", "upper"), joint("2", "upper", "lower", xyz=(1, 0, 0)))
+    arm = load_text(robot(*parts, *joints), check="accept", task="x y")
+    assert np.isfinite(sa.singularity_polynomial(arm).coefficients).all()

@@ -12,6 +12,7 @@ from spacearm.polynomial.level_set import (
     rough_surface,
     surface,
 )
+from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.trig import TrigPolynomial
 
 N = 24
@@ -107,3 +108,9 @@ def test_a_piece_between_the_points_of_a_grid_is_noticed(radius, hidden):
     values = S.grid((N, N, N))
     assert (values > 0.0).any() != hidden
     assert _hides_something(S, values, step) == hidden
+
+
+def test_steps_are_shortened_and_what_is_not_finite_is_no_step():
+    steps = np.array([[3.0, 4.0], [0.03, 0.04], [np.inf, 1.0], [np.nan, 0.0], [-1e300, 0.0]])
+    expected = [[0.06, 0.08], [0.03, 0.04], [0.0, 0.0], [0.0, 0.0], [-0.1, 0.0]]
+    np.testing.assert_allclose(shortened(steps, 0.1), expected, rtol=1e-12, atol=1e-300)

@@ -189,7 +189,7 @@ class _Bounds:
         name = element.get("class", "")
         if "%" in name:
             self._source.fail(
-                f"<{element.tag}> names the class {name!r}, which MuJoCo cannot take",
+                f"<{element.tag!s}> names the class {name!r}, which MuJoCo cannot take",
                 "rename the class, without %",
             )
 
