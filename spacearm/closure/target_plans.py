@@ -33,7 +33,7 @@ from spacearm.motion import following
 from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.problem import LEAST
 from spacearm.planning.request import Constraints, Search
-from spacearm.planning.timing import PEAK
+from spacearm.planning.timing import PEAK, rate_bounds
 from spacearm.results import Description, Measure, Table
 from spacearm.singularities.nearest import angle
 
@@ -216,6 +216,9 @@ class TargetTree:
         )
         if not plan.arrived:
             return plan, f"ends on the way: {plan.reason}"
+        slower = float((rate_bounds(plan.spline) / constraints.joint_rates(carrying.arm)).max())
+        if slower > 1.0:  # between the rows
+            plan = replace(plan, t=slower * plan.t, dq=plan.dq / slower, ddq=plan.ddq / slower**2)
         if plan.closure_distance.min() < self.clearance:
             return plan, "comes nearer to a singular posture than the clearance"
         most = constraints.keep_attitude

@@ -24,6 +24,7 @@ from scipy.integrate import DOP853
 from spacearm import errors
 from spacearm.arrays import Array, ArrayLike, finite, numbers_of, positive
 from spacearm.closure.closing import carried
+from spacearm.closure.shared_loads import least_shares
 from spacearm.closure.target_paths import HELD, Carrying, gaps_table
 from spacearm.compiler import numbers
 from spacearm.equations.laws import Pose, State, quaternion_rate
@@ -138,13 +139,11 @@ def balanced(carrying: Carrying, cfg: Configuration, w: Array) -> Array:
 
     The pseudo-inverse gives the least wrenches; moments count by the length of the task.
     """
-    length = carrying.arm.task.length or 1.0
-    scale = np.tile(np.repeat([1.0, length], 3), len(w))
     at = carrying.frame(cfg).translation
-    G = np.vstack([carried(tip.translation - at) for tip in cfg.tips]) * scale[:, None]
-    forces = w.ravel() / scale
-    moving = np.linalg.lstsq(G.T, G.T @ forces)[0]
-    return ((forces - moving) * scale).reshape(w.shape)
+    levers = [tip.translation - at for tip in cfg.tips]
+    total = sum(carried(lever).T @ each for lever, each in zip(levers, w, strict=True))
+    shares = least_shares(levers, carrying.arm.task.length or 1.0)
+    return np.asarray(w - (shares @ total).reshape(w.shape))
 
 
 def _drift(cfg: Configuration, v: Array) -> Array:

@@ -17,7 +17,8 @@ the other. The derivative of a vector along inertial axes is x' + w_0 x x. The t
 
 over the bodies k that it carries: e_i its axis, p_i a point of it, r_k their CMs, a_k the
 accelerations of these, and L_k = R_k I_k R_k^T (w_0 + w_k) (Siciliano et al., Robotics (2009),
-section 7.5, DOI 10.1007/978-1-84628-642-1).
+section 7.5, DOI 10.1007/978-1-84628-642-1). The wrench of a hand at a tip that the joint moves
+counts as that of a body there.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.interpolate import PPoly
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Integers
 from spacearm.mechanics.jacobian import turning_axes
 from spacearm.model.arguments import FLOATING, BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
@@ -70,6 +71,7 @@ def bounded_peaks(
     t: Array,
     margin: float = MARGIN,
     allowed: Array | float = 0.0,
+    groups: Integers | None = None,
 ) -> Peaks:
     """Bound the largest absolute values of k functions of time.
 
@@ -83,8 +85,11 @@ def bounded_peaks(
         t: (m,) times between which the functions are twice differentiable, increasing [s].
         margin: Largest share of a peak by which its bound may exceed the largest value found.
         allowed: (k,) values up to which a bound may be looser than that.
+        groups: (k,) numbers of groups; the margin is a share of the largest peak of the group then.
     """
     at = np.abs(values(t))
+    own = np.arange(at.shape[1]) if groups is None else groups
+    same = own[:, None] == own
     best, when = at.max(axis=0), t[at.argmax(axis=0)]
     bound = best.copy()
     begin, width, ends = t[:-1], np.diff(t), np.maximum(at[:-1], at[1:])
@@ -93,7 +98,8 @@ def bounded_peaks(
         if not len(begin):
             break
         upper = ends + width[:, None] ** 2 / 8.0 * bends(begin, width)
-        doubtful = (upper > np.maximum((1.0 + margin) * best, allowed)).any(axis=1)
+        room = margin * np.where(same, best, 0.0).max(axis=1)
+        doubtful = (upper > np.maximum(best + room, allowed)).any(axis=1)
         if halving == HALVINGS:
             doubtful[:] = False
         bound = np.maximum(bound, upper[~doubtful].max(axis=0, initial=0.0))
@@ -277,6 +283,111 @@ class BodyLoad(NamedTuple):
     com: float
 
 
+class HandLoad(NamedTuple):
+    """A hand that gives a shared target a constant linear part of the wrench that moves it.
+
+    Attributes:
+        joint: The joint of the model that moves the hand.
+        place: The tip in the frame of that joint (3,) [m].
+        parts: (2, 2) largest singular values of the blocks of the map from the wrench that moves
+            the target, about its frame, to that of the hand, about the tip; target axes.
+    """
+
+    joint: int
+    place: Array
+    parts: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SystemBounds:
+    """Bounds on the motion of the whole system.
+
+    Attributes:
+        bodies: Those of its bodies, by the joints of the model.
+        com: Those of the system CM seen from the spacecraft where the spacecraft yields, else zero.
+        turn: Those of the angular velocity of the spacecraft.
+    """
+
+    bodies: dict[int, BodyBounds]
+    com: Array
+    turn: Array
+
+    @classmethod
+    def of(
+        cls,
+        arm: SpaceArm,
+        mode: BaseMode,
+        way: PPoly,
+        begin: Array,
+        width: Array,
+        on_board: OnBoard,
+    ) -> SystemBounds:
+        """Bound the motion of an arm; arguments as of `load_bends`."""
+        named = bodies_of(arm, joint_bounds(way, begin, width))
+        bodies = [*named.values()]
+        com = _carried(bodies) / arm.mass * (free_components(mode) > 0)
+        turn = np.zeros_like(bodies[0].spin)
+        if mode == FLOATING:
+            turn = _base_turn(arm, bodies, way(begin), width, on_board)
+        return cls(named, com, turn)
+
+    def force(self, mass: float, place: Array) -> Array:
+        """Bound the force (3, p) that moves a mass at a place seen from the spacecraft."""
+        place = place + self.com
+        velocity = place[1:] + product(self.turn, place[:-1])
+        return np.asarray(mass * (velocity[1:] + product(self.turn[:-1], velocity[:-1])))
+
+    def moment(self, largest: float, body: BodyBounds) -> Array:
+        """Bound the moment (3, p) that turns a part of a body about its CM.
+
+        Args:
+            largest: Largest eigenvalue of the inertia of that part [kg m^2].
+            body: The body.
+        """
+        square = product(body.rotation[:-1], body.rotation[:-1])
+        momentum = largest * product(square, self.turn + body.spin)
+        return self._derivative(momentum)
+
+    def joint_torques(
+        self,
+        arm: SpaceArm,
+        bodies: dict[int, BodyBounds],
+        on_board: OnBoard,
+        loads: Sequence[tuple[int, Array, Array, Array]] = (),
+    ) -> Array:
+        """Bound the second derivatives (p, n) of the torques that move bodies and loads.
+
+        Args:
+            arm: The arm.
+            bodies: The bodies that the joints move, in this motion.
+            on_board: The momentum on board.
+            loads: Joint, place, force and moment about the place of each load besides.
+        """
+        forces = {joint: self.force(body.mass, body.cm) for joint, body in bodies.items()}
+        moments = {joint: self.moment(body.inertia, body) for joint, body in bodies.items()}
+        for wheel, axis in _gyrations(arm, on_board, bodies):
+            moments[wheel] = moments[wheel] + self._derivative(axis[:-1])
+        acting = [(joint, bodies[joint].cm, forces[joint], moments[joint]) for joint in bodies]
+        acting += loads
+        bends = np.zeros((len(bodies), self.turn.shape[1]))
+        for i, (joint, body) in enumerate(bodies.items()):
+            total: Array = np.zeros_like(self.turn[:-1])
+            for mover, place, force, moment in acting:
+                if not _carries(bodies, joint, mover):
+                    continue
+                if body.slides:
+                    total = total + force
+                else:
+                    total = total + product(place - body.place, force) + moment
+            bends[i] = product(body.rotation, total)[2]
+        C = np.eye(arm.n) if arm.coupling is None else np.abs(arm.coupling)
+        return bends.T @ C
+
+    def _derivative(self, vector: Array) -> Array:
+        """Bound the derivative of a vector along inertial axes."""
+        return vector[1:] + product(self.turn[:-1], vector[:-1])
+
+
 def load_bends(
     arm: SpaceArm,
     mode: BaseMode,
@@ -299,50 +410,68 @@ def load_bends(
         on_board: The momentum on board.
         held: The payload; without one its load is zero.
     """
-    joints = joint_bounds(way, begin, width)
-    named = bodies_of(arm, joints)
-    bodies = [*named.values()]
-    com = _carried(bodies) / arm.mass * (free_components(mode) > 0)
-    turn = np.zeros_like(bodies[0].spin)
-    if mode == FLOATING:
-        turn = _base_turn(arm, bodies, way(begin), width, on_board)
-
-    def force(mass: float, place: Array) -> Array:
-        place = place + com
-        velocity = place[1:] + product(turn, place[:-1])
-        return mass * (velocity[1:] + product(turn[:-1], velocity[:-1]))
-
-    def moment(largest: float, body: BodyBounds) -> Array:
-        square = product(body.rotation[:-1], body.rotation[:-1])
-        momentum = largest * product(square, turn + body.spin)
-        return momentum[1:] + product(turn[:-1], momentum[:-1])
-
-    forces = {joint: force(body.mass, body.cm) for joint, body in named.items()}
-    moments = {joint: moment(body.inertia, body) for joint, body in named.items()}
-    for wheel, axis in _gyrations(arm, on_board, named):
-        momentum = axis[:-1]
-        moments[wheel] = moments[wheel] + momentum[1:] + product(turn[:-1], momentum[:-1])
-    bends = np.zeros((len(named), len(begin)))
-    for i, joint in enumerate(named):
-        carries = [one for one in named if _carries(named, joint, one)]
-        axis = named[joint].rotation
-        if named[joint].slides:
-            total = sum(forces[one] for one in carries)
-        else:
-            total = sum(
-                product(named[one].cm - named[joint].place, forces[one]) + moments[one]
-                for one in carries
-            )
-        bends[i] = product(axis, np.asarray(total))[2]
-    C = np.eye(arm.n) if arm.coupling is None else np.abs(arm.coupling)
+    system = SystemBounds.of(arm, mode, way, begin, width, on_board)
+    torques = system.joint_torques(arm, system.bodies, on_board)
     load = np.zeros((2, len(begin)))
     if held is not None:
-        body = named[held.joint]
-        tip = body.place + np.linalg.norm(held.place) * body.rotation
-        at = force(held.mass, tip + held.com * body.rotation)
-        lever = held.com * body.rotation
-        load[0], load[1] = at[2], (product(lever, at) + moment(held.inertia, body))[2]
-    return np.hstack((bends.T @ C, load.T))
+        force, moment, _ = _wrench(system, held)
+        load[0], load[1] = force[2], moment[2]
+    return np.hstack((torques, load.T))
+
+
+def shared_load_bends(
+    arm: SpaceArm,
+    free: SpaceArm,
+    way: PPoly,
+    begin: Array,
+    width: Array,
+    on_board: OnBoard,
+    target: BodyLoad,
+    hands: Sequence[HandLoad],
+) -> Array:
+    """Bound the second derivatives of joint torques and of what hands give a shared target.
+
+    The wrench that moves the target is W = (f; n), n about its frame. In the axes of the target
+    hand i gives it B_i W with B_i constant. The joint torques move the arms alone, and load each
+    tip with what its hand gives. The spacecraft floats.
+
+    Args:
+        arm: The arms with the target, which is fixed to the first tip.
+        free: The arms without it.
+        way: Joint positions (n,) over time, as of `joint_bounds`.
+        begin: (p,) beginnings of the intervals [s].
+        width: (p,) their widths [s].
+        on_board: The momentum on board.
+        target: The target; its place is that of its frame.
+        hands: The hands.
+
+    Returns:
+        (p, n + 2 h), of each hand the force and the moment about its tip after the torques.
+    """
+    system = SystemBounds.of(arm, FLOATING, way, begin, width, on_board)
+    alone = bodies_of(free, joint_bounds(way, begin, width))
+    force, moment, rotation = _wrench(system, target)
+    along = product(rotation, force), product(rotation, moment)  # target axes
+    loads, given = list[tuple[int, Array, Array, Array]](), list[Array]()
+    for hand in hands:
+        own = [part[0] * along[0] + part[1] * along[1] for part in hand.parts]
+        given += [each[2] for each in own]
+        body = alone[hand.joint]
+        place = body.place + np.linalg.norm(hand.place) * body.rotation
+        push, turn = (product(rotation, each) for each in own)
+        loads.append((hand.joint, place, push, turn))
+    torques = system.joint_torques(free, alone, on_board, loads)
+    return np.hstack((torques, np.array(given).T))
+
+
+def _wrench(system: SystemBounds, held: BodyLoad) -> tuple[Array, Array, Array]:
+    """Bound force, and moment about its place, that move a body, and the rotation of the body."""
+    body = system.bodies[held.joint]
+    place = body.place + np.linalg.norm(held.place) * body.rotation
+    lever = held.com * body.rotation
+    force = system.force(held.mass, place + lever)
+    moment = product(lever, force) + system.moment(held.inertia, body)
+    return force, moment, body.rotation
 
 
 def _carries(bodies: dict[int, BodyBounds], joint: int, body: int) -> bool:

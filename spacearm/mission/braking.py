@@ -71,7 +71,7 @@ class Braking(Drifting):
         Bounds where there are some, else at the samples.
         """
         if self.peaks is not None:
-            return self.peaks.bound[self.arm.n :]
+            return np.asarray(self.peaks.bound[self.arm.n :].reshape(-1, 2).max(axis=0))
         return np.linalg.norm(self.wrench.reshape(-1, 2, 3), axis=2).max(axis=0)
 
 

@@ -84,7 +84,7 @@ class Catch(Result, kw_only=True):
         turn_error: Planned angle between them [rad].
         twist_error: (6,) planned twist of the tip less that of the frame [m/s], [rad/s].
         torque: (n,) largest torques from the stand-off on and while braking [N m] or [N]: upper
-            bounds at every instant for one tip; with several tips at the samples while braking.
+            bounds at every instant.
         limits: The limits that it keeps, and that `fly` checks along the simulation.
         momentum: (6,) momentum of arm and target together about the CM of both [kg m/s], [N m s].
         wheels: The wheels, with their limits; None where the spacecraft has none.

@@ -15,16 +15,24 @@ from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedErro
 from spacearm.mechanics.dynamics import generalized_velocity, spacecraft_twist
 from spacearm.mechanics.target import Target
 from spacearm.mission.catch_report import Catch, grasp_of
+from spacearm.mission.kept_limits import with_checks
+from spacearm.model.arguments import HELD
 from spacearm.model.arm import Configuration
 from spacearm.motion.controllers import Tracking
-from spacearm.motion.motion import Motion
+from spacearm.motion.events import Event
+from spacearm.motion.flights import Flight, Grasp, LimitCheck
+from spacearm.motion.motion import Motion, Trajectory
 from spacearm.motion.plant import Integration, Plant, Sampling
-from spacearm.motion.simulation import COARSE, simulate_many
+from spacearm.motion.simulation import COARSE, trajectories_of
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
 
 #: What an envelope bounds, and a run is measured by.
 MISSES = ("place", "turn", "velocity", "rate")
+#: Samples of each phase at which limits are checked; the peak between them is that of a parabola.
+SAMPLES = 200
+#: The phases, as of `Catch.fly`.
+PHASES = ("approach", "closing in", "braking")
 
 
 @checked
@@ -120,6 +128,9 @@ class CatchRuns(Result, kw_only=True):
         tumble: (m,) rate at which the spacecraft then turns [rad/s]; NaN likewise.
         ended: (m,) how each run ended: "missed", "duration", or what failed.
         masses: (m,) mass of each target [kg].
+        limits: The limits of the catch in each run, as `Flight.limits` has them: each with its
+            largest value, and when it is exceeded.
+        events: The events "limit exceeded" of each run, each with its time and value.
     """
 
     catch: Catch
@@ -135,6 +146,19 @@ class CatchRuns(Result, kw_only=True):
     tumble: Array
     ended: tuple[str, ...]
     masses: Array
+    limits: tuple[tuple[LimitCheck, ...], ...]
+    events: tuple[tuple[Event, ...], ...]
+
+    @property
+    def kept(self) -> Any:
+        """(m,) whether each run keeps all limits of the catch."""
+        return np.array([all(check.exceeded is None for check in run) for run in self.limits])
+
+    @property
+    def exceeded(self) -> dict[str, int]:
+        """The number of runs that exceed each limit, by its name; limits that all keep left out."""
+        names = [check.limit for run in self.limits for check in run if check.exceeded is not None]
+        return {name: names.count(name) for name in dict.fromkeys(names)}
 
     @property
     def share(self) -> float:
@@ -149,10 +173,14 @@ class CatchRuns(Result, kw_only=True):
         found = binomtest(int(np.sum(self.caught)), len(self.caught)).proportion_ci(0.95)
         return float(found.low), float(found.high)
 
-    not_checked = (
-        "collisions; looks at the target after its first estimate; forces of the contact itself; "
-        "limits of the motors, unless the plant has them"
-    )
+    @property
+    def not_checked(self) -> str:
+        """What the answer does not cover."""
+        held = "; momentum and torque of the wheels that hold the attitude"
+        return (
+            "collisions; looks at the target after its first estimate; forces of the contact itself"
+            f"{held * (self.catch.mode == HELD)}"
+        )
 
     def describe(self) -> Description:
         """Describe the share, the misses by kind, and what the caught ones do."""
@@ -176,18 +204,40 @@ class CatchRuns(Result, kw_only=True):
         if after:
             heads = (Column(""), Column("median"), Column("95 %"), Column("largest"))
             tables.append(Table(heads, after, "Of those caught"))
+        over = int(np.sum(~self.kept))
+        limits = f"; limits EXCEEDED in {over} of {m} runs" if over else "; all limits kept"
         return Description(
             title=f"{self.catch.arm.name} and {self.catch.target.name}, {m} runs",
-            verdict=f"{self.share:.1%} caught ({low:.1%} to {high:.1%} with 95 % confidence)",
-            tone="good" if low >= 0.5 else "caution",
-            tables=tables,
+            verdict=f"{self.share:.1%} caught ({low:.1%} to {high:.1%} with 95 % confidence)"
+            f"{limits}",
+            tone="good" if low >= 0.5 and not over else "caution",
+            tables=[*tables, *self._limit_tables()],
         )
+
+    def _limit_tables(self) -> list[Table]:
+        """Return the table of limits with the worst value of all runs, if there are limits."""
+        worst: dict[str, LimitCheck] = {}
+        for check in (check for run in self.limits for check in run):
+            known = worst.get(check.limit)
+            worst[check.limit] = check if known is None else known.worse(check)
+        over = self.exceeded
+        rows = [
+            (
+                name,
+                Measure(check.value, check.unit),
+                Measure(check.allowed, check.unit),
+                over.get(name, 0),
+            )
+            for name, check in worst.items()
+        ]
+        columns = ("limit", "worst value", "allowed", "runs that exceed it")
+        return [Table(columns, rows, "Limits")] * bool(rows)
 
     def to_dict(self) -> dict[str, Any]:
         """Return share and interval, and all values of the runs; of the catch its time."""
         told = {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "catch"}
         told |= {"contact": self.catch.t, "share": self.share, "interval": self.interval}
-        told["not_checked"] = self.not_checked
+        told |= {"kept": self.kept, "not_checked": self.not_checked}
         return {name: plain(value) for name, value in told.items()}
 
 
@@ -209,7 +259,9 @@ def fly_many(
 
     The arm flies as planned, by `sa.Tracking`, and does not look at the target again. If the tip
     is within the envelope of the true grapple frame at contact, it grasps the target by a plastic
-    impact. The joints are then braked by the law that was planned with the estimated target.
+    impact. The joints are then braked by the law that was planned with the estimated target. Wheels
+    do what the plant says. The limits of the catch are checked along each run as `Catch.fly` checks
+    them: at 200 samples of each phase, with the peaks between them estimated by parabolas.
 
     Args:
         catch: The catch.
@@ -222,7 +274,8 @@ def fly_many(
             continuously, without noise.
         rate: Rate of `sa.Tracking` [1/s]. If None it is 5, or `sampling.tracking_rate` if that is
             less.
-        integration: As in `simulate_many`.
+        integration: As in `simulate`, with tolerances of 1e-6 and 1e-8; `dt` is the spacing of the
+            samples, a two-hundredth of each phase if None.
         progress: Called as progress(done, total) now and then.
 
     Returns:
@@ -265,58 +318,59 @@ def fly_many(
 
         return told
 
-    def led(
-        stage: int, starts: list[Configuration], motion: Motion, dq: Array
-    ) -> tuple[list[Configuration], Array, list[str]]:
-        """Return where runs end that are led along a motion, with which rates, and how."""
-        own = None
+    def led(stage: int, starts: list[Configuration], motion: Motion, dq: Array) -> list[Trajectory]:
+        """Return the runs that are led along a motion."""
+        own, lasts = None, float(motion.t[-1])
         if sampling is not None:  # noise of its own for each run and each stage
             own = replace(sampling, seed=sampling.seed + stage * m)
-        found = simulate_many(
-            starts, Tracking(motion, rate), float(motion.t[-1]), dq=dq, mode=catch.mode,
-            plant=plant, sampling=own, progress=tell(stage),
-            integration=replace(integration, events=()),
-        )  # fmt: skip
-        ends = [
-            start.arm.at(
-                q, base=pin.XYZQUATToSE3(base), wheels=start.wheels, momentum=start.momentum
-            )
-            for start, q, base in zip(starts, found.q.values, found.base.values, strict=True)
-        ]
-        return ends, found.dq.values, [str(word) for word in found.ended.values]
+        how = replace(integration, events=(), dt=integration.dt or lasts / SAMPLES)
+        return trajectories_of(
+            starts,
+            Tracking(motion, rate),
+            lasts,
+            dq=dq,
+            mode=catch.mode,
+            plant=plant,
+            sampling=own,
+            progress=tell(stage),
+            integration=how,
+        )
 
     alike = sampling is None or not sampling.noise(catch.arm.n).any()
     k = 1 if alike else m
     begun = replace(catch.plan, t=catch.begin + catch.plan.t)
-    ends, dq, _ = led(0, [catch.plan[0]] * k, begun, np.zeros((k, catch.arm.n)))
-    ends, dq, ended = led(1, ends, catch.chase, dq)
-    if failed := [word for word in ended if word != "duration"]:
+    reached = led(0, [catch.plan[0]] * k, begun, np.zeros((k, catch.arm.n)))
+    closing = led(1, [run[-1] for run in reached], catch.chase, _last_rates(reached))
+    failed = [run.ended for run in closing if run.ended != "duration"]
+    if failed:
         raise NoSolutionError(
             f"the approach of {catch.arm.name} fails: {failed[0]}, led with a rate of {rate:.3g} "
             "1/s; give another rate, a shorter period and delay, or a plant that disturbs less"
         )
-    ends, dq = [ends[i % k] for i in range(m)], np.array([dq[i % k] for i in range(m)])
+    flown = [[reached[i % k], closing[i % k]] for i in range(m)]
+    ends, dq = [runs[-1][-1] for runs in flown], _last_rates([runs[-1] for runs in flown])
     off = np.array([_off(catch, *one) for one in zip(actual, ends, dq, strict=True)])
     bounds = [getattr(envelope, name) for name in MISSES]
     caught = (off <= bounds).all(axis=1)
     grasped = np.flatnonzero(caught)
     after = np.full((m, 4), np.nan)
     words = np.full(m, "missed", dtype=object)
-    starts, rates = [], []
-    for i in grasped:
-        body = grasp_of(actual[i], catch.t, ends[i].tip)
-        hit = body.impact(ends[i], dq[i], catch.mode)
+    starts, rates, bodies = [], [], dict[int, Grasp]()
+    for i in grasped.tolist():
+        bodies[i] = grasp_of(actual[i], catch.t, ends[i].tip)
+        hit = bodies[i].impact(ends[i], dq[i], catch.mode)
         after[i, :2] = hit.energy_lost, np.linalg.norm(hit.impulse[:3])
         starts.append(hit.configuration)
         rates.append(hit.dq)
     if starts:
-        stopped, last, how = led(2, starts, catch.brake, np.array(rates))
-        words[grasped] = how
-        after[grasped, 2] = np.abs(last).max(axis=1)
-        after[grasped, 3] = [
-            np.linalg.norm(spacecraft_twist(cfg, r, catch.mode)[3:])
-            for cfg, r in zip(stopped, last, strict=True)
-        ]
+        for i, run in zip(
+            grasped.tolist(), led(2, starts, catch.brake, np.array(rates)), strict=True
+        ):
+            words[i] = run.ended
+            turning = spacecraft_twist(run[-1], run.dq[-1], catch.mode)[3:]
+            after[i, 2:] = np.abs(run.dq[-1]).max(), np.linalg.norm(turning)
+            flown[i].append(run)
+    flights = [_checked(catch, runs, bodies.get(i)) for i, runs in enumerate(flown)]
     return CatchRuns(
         catch=catch,
         envelope=envelope,
@@ -325,7 +379,28 @@ def fly_many(
         **dict(zip(("energy_lost", "impulse", "dq", "tumble"), after.T.copy(), strict=True)),
         ended=tuple(str(word) for word in words),
         masses=np.array([one.mass for one in actual]),
+        limits=tuple(flight.limits for flight in flights),
+        events=tuple(flight.events for flight in flights),
     )
+
+
+def _last_rates(runs: list[Trajectory]) -> Array:
+    """Return the joint rates (m, n) at the ends of runs."""
+    return np.array([run.dq[-1] for run in runs])
+
+
+def _checked(catch: Catch, runs: list[Trajectory], body: Grasp | None) -> Flight:
+    """Return one run as a flight, with the limits of the catch checked.
+
+    Args:
+        catch: The catch.
+        runs: The trajectories of its phases.
+        body: What the hand holds in the last one; None where nothing was caught.
+    """
+    begins = np.cumsum([0.0, *(run.t[-1] for run in runs[:-1])]).tolist()
+    held = [None, None, body][: len(runs)]
+    flight = Flight.joined(runs, begins, (), (), PHASES[: len(runs)], held)
+    return with_checks(flight, catch.limits)
 
 
 def _off(catch: Catch, actual: Target, cfg: Configuration, dq: Array) -> Array:

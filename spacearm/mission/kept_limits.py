@@ -8,22 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
 from spacearm.arrays import Array, Booleans
-from spacearm.closure.target_runs import TargetRun
+from spacearm.model.arguments import HELD
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import Event
-from spacearm.motion.flights import CLEARANCE, Flight, LimitCheck
+from spacearm.motion.flights import CLEARANCE, AnyFlight, Flight, LimitCheck
 from spacearm.motion.motion import Trajectory
 from spacearm.planning.reactions import Wheels
 
 #: Share of a limit up to which a simulation may exceed it by the errors of its integration.
 TOLERANCE = 1e-6
-
-AnyFlight = TypeVar("AnyFlight", bound=Flight)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,7 +75,7 @@ def with_checks(flight: AnyFlight, limits: CatchLimits) -> AnyFlight:
                 continue
             check = _checked(series, begin + run.t)
             known = found.get(check.limit)
-            found[check.limit] = check if known is None else _worse(known, check)
+            found[check.limit] = check if known is None else known.worse(check)
     checks = tuple(found.values())
     events = [
         Event(check.exceeded, "limit exceeded", flight.at(check.exceeded).q, check.summary)
@@ -86,14 +84,6 @@ def with_checks(flight: AnyFlight, limits: CatchLimits) -> AnyFlight:
     ]
     every = sorted([*flight.events, *events], key=lambda event: event.t)
     return replace(flight, limits=checks, events=tuple(every))
-
-
-def _worse(one: LimitCheck, other: LimitCheck) -> LimitCheck:
-    """Return the checks of two phases as one: the worse value, the earlier time of exceeding."""
-    sign = -1.0 if one.limit == CLEARANCE else 1.0
-    worse = other if sign * other.value > sign * one.value else one
-    first = [check.exceeded for check in (one, other) if check.exceeded is not None]
-    return worse._replace(exceeded=min(first, default=None))
 
 
 def _series(flight: Flight, i: int, run: Trajectory, limits: CatchLimits) -> Iterator[Limited]:
@@ -108,16 +98,9 @@ def _series(flight: Flight, i: int, run: Trajectory, limits: CatchLimits) -> Ite
         yield Limited(f"torque of {name}", unit, float(limits.torques[j]), np.abs(run.torque[:, j]))
     if limits.positions:
         yield from _positions(arm, slides, run.q)
-    wrenches = flight.phase_wrenches(i).reshape(len(run), len(arm.tips), 2, 3)
-    loads = np.linalg.norm(wrenches, axis=3)
-    for k, tip in enumerate(arm.tips):
-        of = f" of {tip}" if len(arm.tips) > 1 else ""
-        for what, unit, allowed, values in (
-            (f"force at the grapple{of}", "N", limits.loads[0], loads[:, k, 0]),
-            (f"moment about the grapple{of}", "N m", limits.loads[1], loads[:, k, 1]),
-        ):
-            yield Limited(what, unit, float(allowed), values)
-    if limits.wheels is not None and arm.wheels:
+    if np.isfinite(limits.loads).any():
+        yield from _loads(flight, i, limits.loads)
+    if limits.wheels is not None and arm.wheels and run.mode != HELD:
         for w, wheel in enumerate(arm.wheels):
             most, torque = limits.wheels.capacity[w], limits.wheels.torque[w]
             yield Limited(
@@ -127,8 +110,22 @@ def _series(flight: Flight, i: int, run: Trajectory, limits: CatchLimits) -> Ite
                 f"torque of wheel {wheel.name}", "N m", float(torque),
                 np.abs(run.wheel_torque[:, w]),
             )  # fmt: skip
-    if limits.clearance is not None and not isinstance(run, TargetRun):
-        yield Limited(CLEARANCE, "rad", limits.clearance, run.distance)
+    if limits.clearance is not None:
+        yield Limited(CLEARANCE, "rad", limits.clearance, flight.phase_distances(i))
+
+
+def _loads(flight: Flight, i: int, most: Array) -> Iterator[Limited]:
+    """Yield force and moment at each tip in phase i; `most` (2,) are the largest."""
+    arm, run = flight.arm, flight.phases[i]
+    wrenches = flight.phase_wrenches(i).reshape(len(run), len(arm.tips), 2, 3)
+    loads = np.linalg.norm(wrenches, axis=3)
+    for k, tip in enumerate(arm.tips):
+        of = f" of {tip}" if len(arm.tips) > 1 else ""
+        for what, unit, allowed, values in (
+            (f"force at the grapple{of}", "N", most[0], loads[:, k, 0]),
+            (f"moment about the grapple{of}", "N m", most[1], loads[:, k, 1]),
+        ):
+            yield Limited(what, unit, float(allowed), values)
 
 
 def _positions(arm: SpaceArm, slides: Booleans, q: Array) -> Iterator[Limited]:

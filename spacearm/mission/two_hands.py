@@ -24,6 +24,7 @@ from spacearm.arrays import Array, ReadOnlyMapping
 from spacearm.closure.closed_distances import ClosedSearch
 from spacearm.closure.closing import Gaps, carried, target_momentum
 from spacearm.closure.holding import Held, hold
+from spacearm.closure.shared_loads import LOOSE, shared_peaks
 from spacearm.closure.target_paths import Carrying, TargetCurve, with_target
 from spacearm.closure.target_runs import TargetRun, closed_state, onto_closure
 from spacearm.mechanics.dynamics import (
@@ -47,10 +48,12 @@ from spacearm.motion.flights import Flight, Phase, simulate_phases
 from spacearm.motion.goal import out_of_reach, twist_between
 from spacearm.motion.motion import Motion, Trajectory
 from spacearm.motion.plant import Integration, Plant
+from spacearm.planning.account import TimeUpError
 from spacearm.planning.planner import plan
 from spacearm.planning.problem import LEAST
 from spacearm.planning.request import Joints, Search
 from spacearm.planning.result import Plan
+from spacearm.planning.timing import rate_bounds
 from spacearm.results import Description
 from spacearm.singularities.nearest import angle
 
@@ -77,7 +80,22 @@ class HandsFlight(Flight, kw_only=True):
     """The flight of a catch by several hands, from `Catch.fly`.
 
     From the first grasp on its phases are a `TargetRun` each. `tip_wrench` has (m, 6 tips).
+
+    Attributes:
+        carryings: How the target is carried in each phase; None before the first grasp.
     """
+
+    carryings: tuple[Carrying | None, ...] = ()
+
+    def phase_distances(self, i: int) -> Array:
+        """Return the distance to the singular set [rad] in phase i, as `Flight.phase_distances`.
+
+        Where all tips hold the target it is that of the nearest posture found along closure.
+        """
+        run, carrying = self.phases[i], self.carryings[i]
+        if carrying is None or len(carrying.grasps) < len(self.arm.tips):
+            return run.distance
+        return carrying.closure_distances(FLOATING, [*run])
 
     def phase_wrenches(self, i: int) -> Array:
         """Return the wrenches of all tips in phase i, as `Flight.phase_wrenches`."""
@@ -128,7 +146,9 @@ class HandsCatch(Catch, kw_only=True):
     @property
     def not_checked(self) -> str:
         """What the answer does not cover."""
-        return f"singular postures, limits and closure between the rows; {super().not_checked}"
+        return (
+            f"singular postures, joint limits and closure between the rows; {super().not_checked}"
+        )
 
     def fly(
         self,
@@ -177,6 +197,7 @@ class HandsCatch(Catch, kw_only=True):
         ]  # fmt: skip
         free = simulate_phases(self.plan[0], phases, progress=tell(0.0))
         runs: list[Trajectory] = [*free.phases]
+        carryings: list[Carrying | None] = [None] * len(runs)
         begins, events, hits = free.begins.tolist(), [*free.events], list[Capture]()
         end, dq, met = runs[-1][-1], free.dq[-1], target.at(float(free.t[-1]))
         pose, twist = met.pose, met.twist
@@ -201,6 +222,7 @@ class HandsCatch(Catch, kw_only=True):
             events += [Event(contact, "grasp", end.q, detail)]
             events += [event._replace(t=contact + event.t) for event in run.events]
             runs, begins, hits = [*runs, run], [*begins, contact], [*hits, hit]
+            carryings.append(held.carrying)
             last, dq, pose = run[-1], run.dq[-1], pin.XYZQUATToSE3(run.target[-1])
             v = generalized_velocity(last, dq)
             seen = kinematics(held.carrying.of_target, last.q, last.base)
@@ -208,7 +230,7 @@ class HandsCatch(Catch, kw_only=True):
             end = end.with_momentum(end.A @ v)
         names = ["approach", *words, "braking"]
         flight = HandsFlight.joined(runs, begins, events, hits, names, [None] * len(runs))
-        return with_checks(flight, self.limits)
+        return with_checks(replace(flight, carryings=tuple(carryings)), self.limits)
 
     def _from(self, contact: float, tip: str) -> Motion:
         """Return the motion from a contact on, of the arms with the target in their hands.
@@ -481,7 +503,14 @@ class HandsApproach(Approach):
                 f"braking in {brake.t[-1]:.3g} s leads to {angle(float(near.min()))} of a singular "
                 "posture"
             )
-        return replace(brake, closure_distance=near)
+        brake = replace(brake, closure_distance=near)
+        assert brake.peaks is not None  # within the limits, otherwise loose
+        try:
+            peaks = shared_peaks(brake, carrying, self.account.check_time, margin=LOOSE)
+        except TimeUpError:
+            return brake
+        peaks = peaks._replace(bound=np.minimum(peaks.bound, brake.peaks.bound))
+        return replace(brake, peaks=peaks)
 
     def _tried_braking(
         self, carrying: Carrying, pose: pin.SE3, twist: Array, duration: float, rates: Array,
@@ -513,14 +542,23 @@ class HandsApproach(Approach):
             return BrakingTry(None, True, why)
         self.account.check_time()
         brake = closed_braking(carrying, led, duration, search, least)
-        faster = float((np.abs(brake.dq) / rates).max())
-        near, (force, moment) = float(brake.closure_distance.min()), brake.borne
-        torque = float((np.abs(brake.torque) / self.efforts).max())
+        near = float(brake.closure_distance.min())
         if near < least:
             why = f"braking in {duration:.3g} s leads to about {angle(near)} of a singular posture"
             return BrakingTry(None, True, why)
+        found = self._judged(brake, rates)  # at the samples
+        if found.brake is None:
+            return found
+        allowed = np.concatenate((self.efforts, np.tile(self.bears, len(carrying.grasps))))
+        peaks = shared_peaks(brake, carrying, self.account.check_time, allowed=allowed)
+        return self._judged(replace(brake, peaks=peaks), rates)
+
+    def _judged(self, brake: ClosedBraking, rates: Array) -> BrakingTry[ClosedBraking]:
+        """Return a braking as possible if it keeps rates, torques and what the grapples bear."""
+        faster, (force, moment) = float((rate_bounds(brake.spline) / rates).max()), brake.borne
+        torque = float((brake.largest_torques / self.efforts).max())
         why = (
-            f"braking in {duration:.3g} s takes {torque:.3g} times the torque and {faster:.3g} "
+            f"braking in {brake.t[-1]:.3g} s takes {torque:.3g} times the torque and {faster:.3g} "
             f"times the rate of a joint, and {force:.3g} N and {moment:.3g} N m of a grapple"
         )
         fits = max(torque, faster) <= 1.0 and force <= self.bears[0] and moment <= self.bears[1]

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -26,6 +26,7 @@ from spacearm.motion.simulation import simulate
 from spacearm.results import Column, Description, Measure, Table, Tone
 from spacearm.signatures import checked
 
+AnyFlight = TypeVar("AnyFlight", bound="Flight")
 #: Quantities that each phase counts from zero.
 SUMS = ("impulse", "work", "other_work")
 #: Exceeded limits that the verdict of a flight names.
@@ -62,6 +63,13 @@ class LimitCheck(NamedTuple):
             f"{self.allowed:.4g} {self.unit} allowed"
         )
 
+    def worse(self, other: LimitCheck) -> LimitCheck:
+        """Return two checks of one limit as one: the worse value, the earlier time of exceeding."""
+        sign = -1.0 if self.limit == CLEARANCE else 1.0
+        worst = other if sign * other.value > sign * self.value else self
+        first = [check.exceeded for check in (self, other) if check.exceeded is not None]
+        return worst._replace(exceeded=min(first, default=None))
+
     def to_dict(self) -> dict[str, Any]:
         """Return all fields."""
         return self._asdict()
@@ -97,14 +105,14 @@ class Flight(Trajectory, kw_only=True):
 
     @classmethod
     def joined(
-        cls,
+        cls: type[AnyFlight],
         runs: Sequence[Trajectory],
         begins: Sequence[float],
         events: Sequence[Event],
         captures: Sequence[dynamics.Capture],
         names: Sequence[str],
         bodies: Sequence[Grasp | None],
-    ) -> Flight:
+    ) -> AnyFlight:
         """Join the runs of all phases."""
         known = [
             "q",
@@ -216,6 +224,14 @@ class Flight(Trajectory, kw_only=True):
             i: Number of the phase.
         """
         return _borne(self.phases[i], self.bodies[i])
+
+    def phase_distances(self, i: int) -> Array:
+        """Return the distance to the singular set [rad] at the samples (m,) of phase i.
+
+        Args:
+            i: Number of the phase.
+        """
+        return self.phases[i].distance
 
     @property
     def exceeded(self) -> tuple[LimitCheck, ...]:
@@ -505,8 +521,7 @@ def load_peaks(
 def flown_configurations(motion: Motion, arm: SpaceArm) -> Callable[[float], Configuration]:
     """Return the configurations of an arm over time where `sa.Tracking` flies a motion.
 
-    The attitudes between samples count with momentum on board only: those of a spline. The
-    spacecraft is at the origin.
+    The spacecraft is at the origin; with momentum on board its attitude follows a spline.
 
     Args:
         motion: The motion.
@@ -516,10 +531,9 @@ def flown_configurations(motion: Motion, arm: SpaceArm) -> Callable[[float], Con
     turning = motion.mode == FLOATING and start.momentum.any() and len(motion) > 1
     spun = Rotation.from_quat(motion.base[:, 3:])
     turns = RotationSpline(motion.t, spun) if turning else None
-    steady = start.base.rotation
 
     def at(t: float) -> Configuration:
-        R = steady if turns is None else turns(t).as_matrix()
+        R = start.base.rotation if turns is None else turns(t).as_matrix()
         cfg = kinematics(arm, way(t), pin.SE3(R, np.zeros(3)))
         cfg = cfg.with_momentum(start.momentum) if start.momentum.any() else cfg
         return cfg.with_wheels(start.wheels) if start.wheels.any() else cfg

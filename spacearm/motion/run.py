@@ -335,6 +335,7 @@ class Runs:
         duration: The end [s].
         how: Tolerances and method.
         numbers: Their numbers, of the noise of sensors; from 0 on if None.
+        recorded: Whether trajectories are asked for: the torques of sampled laws are kept then.
     """
 
     def __init__(
@@ -345,6 +346,8 @@ class Runs:
         duration: float,
         how: Integration,
         numbers: Sequence[int] | None = None,
+        *,
+        recorded: bool = True,
     ) -> None:
         m, first = len(systems), systems[0]
         self.numbers = range(m) if numbers is None else numbers
@@ -358,6 +361,7 @@ class Runs:
         self.written = np.zeros(m, np.int64)
         self.at = first.parts
         self.events: list[list[events.Event]] = [[] for _ in range(m)]
+        self.recorded = recorded
         self.torques: list[tuple[float, Array]] = []
         self.memory = np.array([system.memory for system in systems])
         self.ended, self.fault = ["duration"] * m, [""] * m
@@ -430,7 +434,8 @@ class Runs:
                 k += 1
             while waiting and waiting[0][0] <= t + SAME * period:
                 _, batch.held = waiting.popleft()
-                self.torques.append((t, batch.held[0]))
+                if self.recorded:
+                    self.torques.append((t, batch.held))
 
     def _note(self, found: Found, steps: Steps | None) -> None:
         """Note events in the order of their times; end the runs that some of them stop."""
@@ -521,18 +526,18 @@ class Runs:
         """Return the times of all outputs of a run."""
         return np.append(self.times[: self.written[run] - 1], self.batch.t[run])
 
-    def trajectory(self) -> Trajectory:
-        """Return the trajectory so far, of one run."""
+    def trajectory(self, run: int = 0) -> Trajectory:
+        """Return the trajectory of a run so far."""
         self.finish()
-        batch, system, at = self.batch, self.systems[0], self.at
-        t, Y = self._times(0), self.outputs[0, : self.written[0]]
+        batch, system, at = self.batch, self.systems[run], self.at
+        t, Y = self._times(run), self.outputs[run, : self.written[run]]
         given = {"t": t, "y": Y}
         if batch.held is not None:
             times = np.array([time for time, _ in self.torques])
             before = np.zeros(batch.held.shape[1])
-            held = np.array([before, *(tau for _, tau in self.torques)])
+            held = np.array([before, *(tau[run] for _, tau in self.torques)])
             given["held"] = held[np.searchsorted(times, t, side="right")]
-        seen = Observed(*batch.compute(observe, np.zeros(len(t), np.int64), given))
+        seen = Observed(*batch.compute(observe, np.full(len(t), run, np.int64), given))
         base, kept = seen.base, seen.momentum
         friction = wheel_friction(np, Y[:, at.wheels], system.plant.friction_of_wheels.numbers)
         wheel_torque = seen.spin - friction
@@ -560,10 +565,10 @@ class Runs:
             energy=seen.energy,
             work=works[:, 0].copy(),
             other_work=works[:, 1:].sum(axis=1),
-            exchanged=float(batch.exchanged[0]),
+            exchanged=float(batch.exchanged[run]),
             motors=motor_loads(system, t, Y[:, at.dq], seen.torque, wheel_torque),
-            events=tuple(self.events[0]),
-            ended=self.ended[0],
+            events=tuple(self.events[run]),
+            ended=self.ended[run],
             called=self.called,
         )
 

@@ -8,15 +8,15 @@ of its energy.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, wait
 from threading import Event
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import MOST_THREADS, ArrayLike, finite, positive, shape_of, steps, whole
+from spacearm.arrays import MOST_THREADS, Array, ArrayLike, finite, positive, shape_of, steps, whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError, NoSolutionError, require_known
 from spacearm.mechanics.arm_kernels import structure_of
@@ -36,6 +36,8 @@ from spacearm.signatures import checked
 if TYPE_CHECKING:
     import xarray as xr
 
+#: What is kept of runs.
+Collected = TypeVar("Collected")
 #: How many times `rtol` the balances of energy and momentum may be off.
 AUDIT = 1e4
 #: How many times `atol` [J] that of energy may be off besides: all there is near rest.
@@ -255,14 +257,109 @@ def simulate_many(
     """
     import xarray as xr
 
+    systems, duration = _systems(starts, controller, duration, dq, mode, plant)
+    arm, m = systems[0].arm, len(systems)
+    if integration.dt is not None:
+        raise ConfigurationError("dt is given; simulate_many keeps no outputs, so leave it out")
+    _check_sampling(systems, sampling)
+    ready = _prepared_all(systems, stop, integration)
+    looks = np.linspace(0.0, duration, LOOKS, endpoint=False)
+
+    def summary(side: Runs) -> Mapping[str, npt.NDArray[Any]]:
+        return side.summary(distance)
+
+    sides = _side_by_side(
+        systems, ready, looks, duration, integration, sampling, threads, progress, summary
+    )
+    found: dict[str, npt.NDArray[Any]] = {}
+    for runs, told in sides:
+        for name, values in told.items():
+            every = np.empty((m, *values.shape[1:]), values.dtype)
+            found.setdefault(name, every)[runs] = values
+    found["q0"] = np.array([system.start.q for system in systems])
+    columns = {"q": ("joint",), "dq": ("joint",), "q0": ("joint",), "base": ("pose",)}
+    units = UNITS | _units_of_joints(arm)
+    attributes = {name: {"units": unit} for name, unit in units.items()}
+    data = {
+        name: (("run", *columns.get(name, ())), values, attributes.get(name, {}))
+        for name, values in found.items()
+    }
+    attrs = {"arm": arm.name, "base_mode": mode, "duration": duration}
+    attrs |= {"rtol": integration.rtol, "atol": integration.atol}
+    attrs["called"] = "; ".join(dict.fromkeys(note for one in ready for note in one.notes))
+    return xr.Dataset(data, {"joint": list(arm.joint_names)}, attrs)
+
+
+def trajectories_of(
+    starts: Sequence[Configuration],
+    controller: Laws,
+    duration: float,
+    *,
+    dq: ArrayLike,
+    mode: BaseMode,
+    plant: Plant,
+    sampling: Sampling | None,
+    integration: Integration,
+    progress: Progress = None,
+) -> list[Trajectory]:
+    """Simulate m runs of an arm side by side and return their trajectories.
+
+    Args:
+        starts: As of `simulate_many`.
+        controller: As there, for all runs.
+        duration: As there.
+        dq: As there, (m, n).
+        mode: As there.
+        plant: As there.
+        sampling: As there.
+        integration: As in `simulate`.
+        progress: As of `simulate_many`.
+
+    Raises:
+        SpaceArmError: As `simulate_many` raises. A run that fails does not end the others: its
+            trajectory says so in `ended`.
+    """
+    systems, duration = _systems(starts, controller, duration, dq, mode, plant)
+    _check_sampling(systems, sampling)
+    ready = _prepared_all(systems, (), integration)
+    looks = integration.times(duration)
+
+    def trajectories(side: Runs) -> list[Trajectory]:
+        return [side.trajectory(i) for i in range(len(side.systems))]
+
+    sides = _side_by_side(
+        systems,
+        ready,
+        looks,
+        duration,
+        integration,
+        sampling,
+        None,
+        progress,
+        trajectories,
+        recorded=True,
+    )
+    found: dict[int, Trajectory] = {}
+    for runs, motions in sides:
+        found |= zip(runs, motions, strict=True)
+    return [found[i] for i in range(len(systems))]
+
+
+def _systems(
+    starts: Configuration | Sequence[Configuration],
+    controller: Laws | Sequence[Laws],
+    duration: float,
+    dq: ArrayLike | None,
+    mode: BaseMode,
+    plant: Plant,
+) -> tuple[list[System], float]:
+    """Return what is simulated in each of many runs, and for how long; see `simulate_many`."""
     free_components(mode)  # raises for one that does not exist
     one, each = isinstance(starts, Configuration), len(shape_of(dq)) == 2
     several = isinstance(controller, Sequence | np.ndarray) and not isinstance(controller, str)
     listed = [starts] if isinstance(starts, Configuration) else list(starts)
     laws: Any = controller if several else [controller]
     arm, duration = _arm_of(listed), positive(duration, "duration", "time [s]")
-    if integration.dt is not None:
-        raise ConfigurationError("dt is given; simulate_many keeps no outputs, so leave it out")
     given = (not one, len(listed)), (each, (*shape_of(dq), 0)[0]), (several, len(laws))
     sizes = [size for counts, size in given if counts]
     if len(set(sizes)) > 1 or 0 in sizes:
@@ -277,16 +374,48 @@ def simulate_many(
         System(listed[i % len(listed)], mode, plant, _by_tip(arm, laws[i % len(laws)]), rates[i])
         for i in range(m)
     ]
+    return systems, duration
+
+
+def _check_sampling(systems: Sequence[System], sampling: Sampling | None) -> None:
+    """Refuse a sampling that makes no sense, and laws that need one and have none."""
     _check_period(systems, sampling)
     if sampling is not None:
-        sampling.noise(arm.n)  # raises for one that makes no sense
-    ready = _prepared_all(systems, stop, integration)
-    looks = np.linspace(0.0, duration, LOOKS, endpoint=False)
-    workers = processors() if threads is None else whole(threads, "threads", 1, MOST_THREADS)
+        sampling.noise(systems[0].arm.n)  # raises for one that makes no sense
+
+
+def _side_by_side(
+    systems: Sequence[System],
+    ready: Sequence[Prepared],
+    looks: Array,
+    duration: float,
+    integration: Integration,
+    sampling: Sampling | None,
+    threads: int | None,
+    progress: Progress,
+    collect: Callable[[Runs], Collected],
+    *,
+    recorded: bool = False,
+) -> Iterator[tuple[list[int], Collected]]:
+    """Simulate runs on several threads; yield numbers of those that are done, and what is kept.
+
+    Args:
+        systems: What is simulated in each run.
+        ready: The same for the equations.
+        looks: Times of the outputs [s].
+        duration: How long each run is [s].
+        integration: How they are integrated.
+        sampling: As of `simulate_many`.
+        threads: As there.
+        progress: As there.
+        collect: Returns what is kept of runs that are done.
+        recorded: As of `Runs`.
+    """
+    m, workers = len(systems), _workers(threads)
     pieces = list(_pieces(ready, min(PIECE, -(-m // workers))))
     shares, stopped = np.zeros(len(pieces)), Event()
 
-    def simulated(k: int) -> Mapping[str, npt.NDArray[Any]]:
+    def simulated(k: int) -> Collected:
         runs = pieces[k]
 
         def tell(t: float, _: float) -> None:
@@ -295,39 +424,28 @@ def simulate_many(
             shares[k] = len(runs) * t / duration
 
         mine, own = [systems[i] for i in runs], [ready[i] for i in runs]
-        side = Runs(mine, own, looks, duration, integration, runs)
+        side = Runs(mine, own, looks, duration, integration, runs, recorded=recorded)
         _advance(side, duration, sampling, tell)
         shares[k] = len(runs)
-        return side.summary(distance)
+        return collect(side)
 
-    found: dict[str, npt.NDArray[Any]] = {}
     with Threads(workers) as pool:
         try:
             jobs = {pool.submit(simulated, k): runs for k, runs in enumerate(pieces)}
             while jobs:
                 done, _ = wait(jobs, LOOK, FIRST_COMPLETED)
                 for job in done:
-                    runs = jobs.pop(job)
-                    for name, values in job.result().items():
-                        every = np.empty((m, *values.shape[1:]), values.dtype)
-                        found.setdefault(name, every)[runs] = values
+                    yield jobs.pop(job), job.result()
                 if progress:
                     progress(float(shares.sum()), m)
         finally:  # an interrupt ends the runs that go on, and those that have not begun
             stopped.set()
             pool.shutdown(wait=False, cancel_futures=True)
-    found["q0"] = np.array([system.start.q for system in systems])
-    columns = {"q": ("joint",), "dq": ("joint",), "q0": ("joint",), "base": ("pose",)}
-    units = UNITS | _units_of_joints(arm)
-    attributes = {name: {"units": unit} for name, unit in units.items()}
-    data = {
-        name: (("run", *columns.get(name, ())), values, attributes.get(name, {}))
-        for name, values in found.items()
-    }
-    attrs = {"arm": arm.name, "base_mode": mode, "duration": duration}
-    attrs |= {"rtol": integration.rtol, "atol": integration.atol}
-    attrs["called"] = "; ".join(dict.fromkeys(note for one in ready for note in one.notes))
-    return xr.Dataset(data, {"joint": list(arm.joint_names)}, attrs)
+
+
+def _workers(threads: int | None) -> int:
+    """Return how many threads simulate."""
+    return processors() if threads is None else whole(threads, "threads", 1, MOST_THREADS)
 
 
 def _units_of_joints(arm: SpaceArm) -> dict[str, str]:

@@ -31,7 +31,7 @@ def flows(plan, most):
     assert np.abs(plan.dq[[0, -1]]).max() < 1e-9
     assert not plan.jumps
     rates = plan.spline.derivative()(np.linspace(0.0, plan.t[-1], 501))
-    assert (np.abs(rates) <= 1.001 * most).all()
+    assert (np.abs(rates) <= (1.0 + 1e-9) * most).all()
     assert (np.abs(rates) / most).max() > 0.5
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
+from scipy.spatial.transform import Rotation, RotationSpline
 
 import spacearm as sa
 from helpers.arms import (
@@ -17,6 +19,8 @@ from helpers.arms import (
     robot,
     with_wheels,
 )
+from spacearm.closure.target_runs import closed_state
+from spacearm.mechanics.dynamics import generalized_velocity
 
 
 def several(rng, counts, kinds=("revolute",), wheels=False) -> sa.SpaceArm:
@@ -104,3 +108,20 @@ def rates_for(cfg, target, twist, inner=None):
     inner = np.zeros(cfg.arm.n) if inner is None else inner
     dq = inner + np.linalg.lstsq(J, x - J @ inner)[0]
     return -B @ np.append(dq, 1.0), dq
+
+
+def densely(carrying, motion, count):
+    """Torques, and force and moment at each tip, by the equations of the closed chain."""
+    way = motion.spline
+    turns = RotationSpline(motion.t, Rotation.from_quat(motion.base[:, 3:]))
+    found = []
+    for t in np.linspace(motion.t[0], motion.t[-1], count):
+        base = pin.SE3(turns(t).as_matrix(), np.zeros(3))
+        cfg = motion.arm.at(way(t), base=base, momentum=motion.momentum[0])
+        tau = sa.inverse_dynamics(cfg, way(t, 1), way(t, 2)).tau
+        none = np.zeros((len(carrying.grasps), 6))
+        v = generalized_velocity(cfg, way(t, 1))
+        state = closed_state(carrying, cfg, v, tau, none)
+        sizes = np.linalg.norm(state.wrenches.reshape(-1, 2, 3), axis=2)
+        found.append(np.append(np.abs(state.tau), sizes))
+    return np.array(found)

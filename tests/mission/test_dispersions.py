@@ -1,5 +1,6 @@
 """Dispersed catches: errors distributed as said, shares as in closed form, laws know no more."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,6 +10,8 @@ from helpers.catching import caught
 from scipy.stats import binom, chi
 
 import spacearm as sa
+from spacearm.mission.kept_limits import with_checks
+from spacearm.motion.simulation import trajectories_of
 
 NONE = sa.TargetErrors(mass=0, inertia=0, place=0, turn=0, velocity=0, rate=0)
 
@@ -122,3 +125,52 @@ def test_mistakes_are_named(make, words):
     """Each error names the value."""
     with pytest.raises(sa.ConfigurationError, match=words):
         make()
+
+
+@pytest.mark.slow
+def test_limits_are_checked_along_each_run_as_in_flight():
+    """Runs without errors are that of `fly`; weaker joints exceed their torques in both."""
+    catch = caught()
+    flight = catch.fly()
+    loads = np.max([np.abs(run.torque).max(axis=0) for run in flight.phases], axis=0)
+    weak = replace(catch.limits, torques=0.5 * loads, loads=np.array([1e3, 1e3]))
+    weaker = replace(catch, limits=weak)
+    flown = with_checks(replace(flight, limits=()), weak)
+    found = sa.fly_many(weaker, NONE, runs=2)
+    for limits, events in zip(found.limits, found.events, strict=True):
+        assert [check.limit for check in limits] == [check.limit for check in flown.limits]
+        for one, other in zip(limits, flown.limits, strict=True):
+            assert one.value == pytest.approx(other.value, rel=2e-2, abs=1e-4)
+            assert (one.exceeded is None) == (other.exceeded is None)
+        assert {event.kind for event in events} == {"limit exceeded"}
+        assert len(events) == len(loads)
+    assert not found.kept.any()
+    assert set(found.exceeded.values()) == {2}
+    told = found.describe()
+    assert "limits EXCEEDED in 2 of 2 runs" in told.verdict
+    assert told.tone == "caution"
+    kept = sa.fly_many(catch, NONE, runs=1)
+    assert kept.kept.all()
+    assert "all limits kept" in kept.describe().verdict
+
+
+def test_trajectories_of_many_runs_are_those_of_simulate():
+    """Many runs give the trajectories of `simulate`, also with a control period and noise."""
+    start = sa.load("planar2").at([0.3, 1.0])
+    law = sa.JointPD(target=[0.6, 0.8], kp=8.0, kd=4.0)
+    how = sa.Integration(rtol=1e-6, atol=1e-8, dt=0.05, events=())
+    noisy = sa.Sampling(period=0.1, position_noise=1e-3, seed=3)
+    many = trajectories_of(
+        [start, start.arm.at([0.2, 1.1])],
+        law,
+        0.5,
+        dq=np.zeros((2, 2)),
+        mode="free-floating",
+        plant=sa.Plant(),
+        sampling=noisy,
+        integration=how,
+    )
+    own = replace(noisy, seed=4)
+    one = sa.simulate(many[1][0], law, 0.5, sampling=own, integration=how)
+    for name in ("t", "q", "dq", "torque"):
+        np.testing.assert_allclose(getattr(many[1], name), getattr(one, name), rtol=0, atol=1e-12)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.closed import closed
+from helpers.closed import closed, densely
 from scipy.integrate import simpson, solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
@@ -196,6 +196,17 @@ def test_a_hand_that_holds_moves_with_the_target_while_the_other_closes_in(in_tu
         np.testing.assert_allclose(closes.rotation, np.eye(3), rtol=0, atol=1e-6)
     assert in_turn.place_error < 1e-7
     np.testing.assert_allclose(in_turn.brake.dq[0], chase.dq[-1], rtol=0, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_what_a_catch_says_of_the_braking_holds_between_its_samples(in_turn):
+    """Torques and loads at times that are no samples, by the equations of the closed chain."""
+    brake, n = in_turn.brake, in_turn.arm.n
+    dense = densely(in_turn.held.carrying, brake, 400)
+    assert (dense[:, :n] <= in_turn.torque * (1.0 + 1e-5)).all()
+    loads = dense[:, n:].reshape(len(dense), -1, 2).max(axis=(0, 1))
+    assert (loads <= brake.borne * (1.0 + 1e-5)).all()
+    assert (brake.borne <= 1.06 * loads).all()
 
 
 @pytest.mark.slow
