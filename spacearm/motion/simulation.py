@@ -213,7 +213,8 @@ def simulate_many(
     """Simulate m runs of an arm, side by side on all processors.
 
     Each run is what `simulate` returns for the same arguments. Laws of `sa` and functions in plain
-    array code run in parallel; controllers called in Python run one after the other.
+    array code run in parallel; controllers called in Python run one after the other. Not checked:
+    torques and rates beyond the limits of the motors, unless the plant enforces them.
 
     Args:
         starts: m configurations of one arm, as in `simulate`, or of arms that differ by masses

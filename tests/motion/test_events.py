@@ -23,7 +23,8 @@ VARIABLE = {
 def emitted(path):
     """The kinds of the events that a module makes."""
     text = path.read_text(encoding="utf-8")
-    if "class Event(" in text or "motion.events" not in text and "motion import events" not in text:
+    uses = "motion.events" in text or "motion import events" in text
+    if "class Event(" in text or not uses:
         return set()
     found = set()
     for call in ast.walk(ast.parse(text)):
