@@ -177,7 +177,8 @@ class Obstacle(Frozen):
         pose: Where it is at the start; for one that is carried along, in the frame that carries it.
         twist: (6,) its constant velocity, [linear [m/s]; angular [rad/s]] of the origin of its
             frame, inertial axes.
-        along: The motion whose spacecraft carries it, or the motion of the robot itself.
+        along: The motion whose spacecraft carries it, or the motion of the robot itself. Joints and
+            poses are interpolated linearly between its samples.
         posture: The configuration of a robot that does not move.
         target: The target that it is.
         begin: Its own time when the motion begins [s].

@@ -344,7 +344,7 @@ def _free_floating(run: Motion) -> Sequence[Configuration]:
         )
     if run.mode != FLOATING:  # whoever controls the attitude absorbs the momentum on board
         first = run.arm.at(run.q[0], base=first.base)
-    attitudes = attitudes_over_time(first, run.curve, run.t)
+    attitudes = attitudes_over_time(first, run.spline, run.t)
     rows = [placed(first, q, T) for q, T in zip(run.q, attitudes, strict=True)]
     return [cfg.with_momentum(first.momentum).with_wheels(first.wheels) for cfg in rows]
 

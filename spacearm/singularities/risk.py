@@ -31,7 +31,7 @@ from spacearm.arrays import (
 )
 from spacearm.equations.measures import nearest
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
-from spacearm.mechanics.arm_kernels import WIDE, ArmKernel, worth_compiling
+from spacearm.mechanics.arm_kernels import WIDE, ArmKernel
 from spacearm.mechanics.batch import Rows, fill, measured, tips_from_centre
 from spacearm.mechanics.distance import FADING, distances
 from spacearm.model.arguments import FLOATING, BaseMode, impossible, require_possible
@@ -307,10 +307,6 @@ def distances_near(arm: SpaceArm, mode: BaseMode, Q: Array, bound: float, many: 
     found, _ = distances(arm, Q, mode, many=many)
     left = np.flatnonzero(found <= LOOKED * bound)
     if not left.size:
-        return found
-    if not worth_compiling(many):
-        far = np.linalg.norm(local_offsets(arm, mode, Q[left]), axis=1)
-        found[left] = np.where(np.isnan(far), np.inf, far)
         return found
     kernel = ArmKernel([arm], mode, nearest, {"most": STEPS}, lanes=WIDE, rows=many)
     numbers = {"fading": FADING, "radians": joint_scales(arm), "rest": AT_REST}

@@ -367,3 +367,26 @@ def test_a_motion_is_read_where_its_kind_has_not_been_used(tmp_path):
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     assert run.stdout.strip() == "Followed"
+
+
+def test_between_samples_a_plain_motion_is_what_is_followed():
+    """Samples of a simulation, without its rates: followed closely, joints and base go as `at`."""
+    start = sa.load("planar2").at([-0.6, 1.4])
+    run = sa.simulate(start, sa.JointPD([0.2, 0.9], kp=4.0, kd=14.0), 4.0)
+    some = slice(25, None, 10)  # after the jump of the accelerations at the start
+    motion = sa.Motion(run.arm, run.t[some] - run.t[25], run.q[some], run.base[some])
+    law = sa.Tracking(motion, rate=30.0)
+    begin, last = motion.spline(0.0, 1), float(motion.t[-1])
+    flown = sa.simulate(motion[0], law, last, dq=begin, integration=sa.Integration(dt=0.03))
+    there = [motion.at(float(t)) for t in flown.t]
+    q = np.array([cfg.q for cfg in there])
+    base = np.array([pin.SE3ToXYZQUAT(cfg.base) for cfg in there])
+    assert np.abs(q - flown.q).max() < 1e-7 < 1e-5 < straight(motion, motion.q, flown.t, flown.q)
+    off = np.abs(base - flown.base).max()
+    assert off < 1e-7 < 1e-5 < straight(motion, motion.base, flown.t, flown.base)
+
+
+def straight(motion, rows, t, expected):
+    """How far straight lines between rows are off, at most."""
+    off = [np.interp(t, motion.t, x) - y for x, y in zip(rows.T, expected.T, strict=True)]
+    return float(np.abs(off).max())

@@ -44,6 +44,17 @@ def test_the_search_of_a_risk_misses_few_that_a_full_search_finds(name):
     assert missed.sum() <= 1 + 0.02 * sum(full)
 
 
+@pytest.mark.parametrize("name", ["planar3", "mda6"])
+def test_few_configurations_are_searched_as_many_are(name):
+    """From places beside them too: whether near, and how far, does not depend on their number."""
+    arm, bound = sa.load(name), np.radians(8.0)
+    Q = np.random.default_rng(3).uniform(-np.pi, np.pi, (60, arm.n))
+    few = [risk.distances_near(arm, "free-floating", q[None], bound, 1)[0] for q in Q]
+    many = risk.distances_near(arm, "free-floating", Q, bound, 100_000)
+    assert 0 < (many <= bound).sum() < len(Q)
+    np.testing.assert_allclose(few, many, rtol=1e-9, atol=1e-12)
+
+
 def test_near_postures_are_kinematic_or_dynamic():
     """On a fixed spacecraft all are kinematic; of a floating planar arm some are dynamic."""
     arm = sa.load("planar2")
