@@ -21,6 +21,7 @@ from spacearm.mission.kept_limits import CatchLimits, with_checks
 from spacearm.model.arguments import FLOATING, HELD, BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.controllers import Tracking
+from spacearm.motion.events import Event
 from spacearm.motion.flights import Flight, Grasp, Phase, joined, simulate_phases
 from spacearm.motion.following import Followed
 from spacearm.motion.motion import Motion
@@ -175,7 +176,8 @@ class Catch(Result, kw_only=True):
         Returns:
             The flight: "approach", "closing in", "braking", and "detumbling" if wheels do that.
             `Flight.limits` has every limit of the catch with its largest value in the simulation;
-            one that is exceeded is an event "limit exceeded", too.
+            one that is exceeded is an event "limit exceeded", too. The event "grasp" says how far
+            the tip was from the grapple frame then, as simulated.
 
         Raises:
             SpaceArmError: As `simulate_phases` raises.
@@ -200,7 +202,22 @@ class Catch(Result, kw_only=True):
             flown = FLOATING if acting.wheels is not None else mode
             phase = Phase(Tracking(motion), lasts, then, mode=flown, plant=acting, name=name)
             phases.append(replace(phase, integration=integration))
-        return with_checks(simulate_phases(self.plan[0], phases, progress=progress), self.limits)
+        flight = simulate_phases(self.plan[0], phases, progress=progress)
+        return with_checks(self._with_errors(flight, target), self.limits)
+
+    def _with_errors(self, flight: Flight, target: Target) -> Flight:
+        """Return a flight whose grasp says how far the tip was from the grapple frame, as flown."""
+        events = list[Event]()
+        for event in flight.events:
+            if event.kind == "grasp":
+                (name,) = self.frames.values()
+                off = flight.phases[1][-1].tip.actInv(target.at(event.t, name).pose)
+                gap = float(np.linalg.norm(off.translation))
+                turn = float(np.linalg.norm(pin.log3(off.rotation)))
+                detail = f"{event.detail}; tip off the grapple frame by {gap:.1e} m, {turn:.1e} rad"
+                event = event._replace(detail=detail)
+            events.append(event)
+        return replace(flight, events=tuple(events))
 
     def _damper(self) -> WheelHold | None:
         """Return the law by which wheels take up the tumble, if there are any."""

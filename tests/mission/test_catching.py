@@ -355,6 +355,10 @@ def test_a_target_heavier_than_planned_is_caught_with_its_own_momentum(caught):
     start = caught.plan[0]
     actual = tumbling(start, mass=72.0, w=(0.022, 0.03, 0.02))
     flight = caught.fly(actual, integration=COARSE)
+    (grasp,) = [event for event in flight.events if event.kind == "grasp"]
+    off = flight.phases[1].tip[-1, :3] - actual.at(grasp.t, "ring").pose.translation
+    assert np.linalg.norm(off) > 1e-3  # the planned error is that of the target as it was planned
+    assert f"tip off the grapple frame by {np.linalg.norm(off):.1e} m" in grasp.detail
     assert flight.captures[0].energy_lost > 0.0
     assert flight.phases[2][0].arm.mass == pytest.approx(start.arm.mass + 72.0)
 
