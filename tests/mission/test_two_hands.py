@@ -10,8 +10,9 @@ from scipy.integrate import simpson, solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 import spacearm as sa
+from spacearm.mission.kept_limits import with_checks
 from spacearm.mission.two_hands import HandsApproach, impact, stopping
-from spacearm.motion.flights import Grasp, held_loads
+from spacearm.motion.flights import CLEARANCE, Grasp, held_loads
 
 START = np.array([-0.3, -1.5, 2.1, -0.6, 1.3, -1.6] * 2)
 HANDS = {"left": "a", "right": "b"}
@@ -262,6 +263,16 @@ def test_in_flight_hands_grasp_in_turn_and_the_joints_come_to_rest(in_turn):
     assert "/spacearm/target" in viewer._stage.poses()["nodes"]
     with pytest.raises(sa.UnsupportedError, match="several tips"):
         sa.fly_many(in_turn)
+    (near,) = [
+        check
+        for check in with_checks(flight, replace(in_turn.limits, clearance=9.0)).limits
+        if check.limit == CLEARANCE
+    ]
+    phases = [flight.phase_distances(i) for i in range(4)]
+    assert near.value == pytest.approx(min(one.min() for one in phases), rel=1e-2)
+    assert near.exceeded == 0.0
+    along = in_turn.brake.closure_distance  # the same posture is found, or one nearer
+    assert phases[3].min() <= 1.05 * along.min()
 
 
 def test_a_target_that_one_tip_holds_moves_as_a_payload(start):
