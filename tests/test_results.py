@@ -18,7 +18,7 @@ from helpers.sweeps import STUDY
 import spacearm as sa
 from spacearm.arrays import plain
 from spacearm.cli.output import print_description, print_json
-from spacearm.plots.report_page import Section
+from spacearm.plots.report_page import ReportSection
 from spacearm.results import (
     Column,
     Described,
@@ -462,7 +462,7 @@ def test_a_description_is_all_that_a_new_result_class_needs(capsys):
     assert [head for head, *_ in cells(slosh)] == ["time [s]", "0.00", "0.50", "event", "splash"]
     html = slosh._repr_html_()
     assert "the fuel &lt;stays&gt; in its tank" in html
-    section = Section("Fuel")
+    section = ReportSection("Fuel")
     section.show(slosh.describe())
     assert "the fuel &lt;stays&gt; in its tank" in "".join(section.blocks)
     assert slosh.describe().tables[0].to_html() in "".join(section.blocks)

@@ -361,11 +361,14 @@ def write_report(
     start = opt.joint_values(arm, q, deg) if q else None
     words = _describing(sys.argv[2:])
 
-    def done(title: str, seconds: float) -> None:
-        err.print(f"spacearm: report: {title}: {seconds:.1f} s")
+    def announce(title: str, seconds: float | None) -> None:
+        how = "begun" if seconds is None else f"done in {seconds:.1f} s"
+        err.print(f"spacearm: report: {title}: {how}")
 
     with working("writing the report") as progress:
-        path = design_report(arm, output, q0=start, words=words, on_section=done, progress=progress)
+        path = design_report(
+            arm, output, q0=start, words=words, on_section=announce, progress=progress
+        )
     out.print(f"wrote {path}")
 
 

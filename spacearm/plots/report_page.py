@@ -62,7 +62,7 @@ STYLE = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
 
 
 @dataclass
-class Section:
+class ReportSection:
     """A section of a report.
 
     Attributes:
@@ -115,7 +115,7 @@ def _written(drawn: Figure, kind: str) -> bytes:
     return buffer.getvalue()
 
 
-def page(title: str, about: str, sections: Sequence[Section]) -> str:
+def page(title: str, about: str, sections: Sequence[ReportSection]) -> str:
     """Return the whole page."""
     links = "".join(
         f'<a href="#{section.anchor}">{html.escape(section.title)}</a>' for section in sections
@@ -141,7 +141,7 @@ def design_report(
     *,
     q0: ArrayLike | None = None,
     words: Sequence[str] | None = None,
-    on_section: Callable[[str, float], object] | None = None,
+    on_section: Callable[[str, float | None], object] | None = None,
     progress: Progress | None = None,
 ) -> Path:
     """Write a design report of an arm: one HTML page with everything inside it.
@@ -158,7 +158,8 @@ def design_report(
             singularities of 2,000 within the joint limits if None.
         words: The arguments that describe the arm on the command line, for the commands in the
             report; its file's path or catalogue name if None.
-        on_section: Called as on_section(title, seconds) when a section is done.
+        on_section: Called as on_section(title, None) when a section is begun, and as
+            on_section(title, seconds) when it is done.
         progress: Called as progress(done, most).
 
     Returns:
@@ -178,7 +179,7 @@ def design_report(
     writable(Path(path))
     about = shlex.join(words if words is not None else [source_of(arm.name, arm.path)])
     q = _working_posture(arm) if q0 is None else joint_vector(arm, q0, "q0")
-    parts: list[tuple[str, Callable[[Section], None]]] = [
+    parts: list[tuple[str, Callable[[ReportSection], None]]] = [
         ("The arm", lambda s: _arm(s, arm, q, about)),
         ("Where it is singular", lambda s: _singular(s, arm, q, about)),
         ("Where nothing is singular", lambda s: _ranges(s, arm, q, about, within)),
@@ -192,9 +193,11 @@ def design_report(
         if progress:
             progress(len(sections) * most + done, len(parts) * most)
 
-    sections, begun = list[Section](), time.perf_counter()
+    sections, begun = list[ReportSection](), time.perf_counter()
     for title, fill in counted(parts, progress):
-        section, started = Section(title), time.perf_counter()
+        section, started = ReportSection(title), time.perf_counter()
+        if on_section:
+            on_section(title, None)
         try:
             fill(section)
         except (UnsupportedError, NoSolutionError) as reason:
@@ -238,7 +241,7 @@ def _python(about: str, expression: str) -> str:
     return f"python -c {shlex.quote(code)}{loaded}"
 
 
-def _arm(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
+def _arm(section: ReportSection, arm: SpaceArm, q: Array, about: str) -> None:
     section.show(arm.describe(), f"spacearm info {about}")
     report = singularity(arm.at(q), exact=True)
     section.picture(
@@ -249,7 +252,7 @@ def _arm(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     section.show(report.describe(), f"spacearm query {about} {_numbers(q, ' ')}")
 
 
-def _singular(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
+def _singular(section: ReportSection, arm: SpaceArm, q: Array, about: str) -> None:
     found = singular_set(arm)
     Q = uniform(arm, True, SAMPLES, np.random.default_rng(1))
     share = evaluate(arm, Q, ("distance",))["distance"]
@@ -269,7 +272,9 @@ def _singular(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     section.picture(plot(found), "The singular set.", _python(about, "sa.singular_set(arm)"))
 
 
-def _ranges(section: Section, arm: SpaceArm, q: Array, about: str, progress: Progress) -> None:
+def _ranges(
+    section: ReportSection, arm: SpaceArm, q: Array, about: str, progress: Progress
+) -> None:
     if beyond := arm.at(q).outside_limits:
         section.say(f"The working posture is beyond the limits of {', '.join(beyond)}.", "missing")
         return
@@ -286,14 +291,14 @@ def _ranges(section: Section, arm: SpaceArm, q: Array, about: str, progress: Pro
     )
 
 
-def _workspaces(section: Section, arm: SpaceArm, about: str) -> None:
+def _workspaces(section: ReportSection, arm: SpaceArm, about: str) -> None:
     found = workspace(arm, effort=EFFORT)
     command = f"spacearm workspace {about} --effort {EFFORT}"
     section.show(found.describe())
     section.picture(plot(found), "The workspaces about the system CM.", command)
 
 
-def _risk(section: Section, arm: SpaceArm, about: str) -> None:
+def _risk(section: ReportSection, arm: SpaceArm, about: str) -> None:
     profile = risk_profile(arm, limits=True, samples=SAMPLES)
     section.say(
         "The share of postures within the joint limits for which a search finds a singular posture "
@@ -306,7 +311,7 @@ def _risk(section: Section, arm: SpaceArm, about: str) -> None:
     )
 
 
-def _reaction(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
+def _reaction(section: ReportSection, arm: SpaceArm, q: Array, about: str) -> None:
     reaches = [level_reach(arm.at(q), t, directions=_rays(arm)) for t in np.radians(TILTS)]
     reach = reaches[-1]
     section.say(
@@ -348,7 +353,7 @@ def _rays(arm: SpaceArm) -> int:
     return 72 if arm.tree.plane_normal() is not None else 200
 
 
-def _wheels(section: Section, arm: SpaceArm, about: str) -> None:
+def _wheels(section: ReportSection, arm: SpaceArm, about: str) -> None:
     found = size_wheels(arm, tip_speed=TIP_SPEED, samples=POSTURES)
     command = f"spacearm wheels {about} --tip-speed {TIP_SPEED:g} --samples {POSTURES}"
     section.say(

@@ -41,6 +41,7 @@ from spacearm.workspaces.shells import (
     merged,
     without,
 )
+from spacearm.workspaces.statements import MEANING, RangeStatement, statements
 
 #: Cosine between the normal of a planar arm and the inertial axis from which it stands in plane.
 UPRIGHT = 1.0 - 1e-9
@@ -187,6 +188,7 @@ FEW = 2000
 #: misses; a finer one is taken if the result is not certified.
 COARSE = 2.0 * np.pi / 96.0
 Kind = Literal["certified", "found", "sampled", "stopped"]
+_STOPPED: Kind = "stopped"
 
 
 class Workspace(Result):
@@ -229,6 +231,8 @@ class Workspace(Result):
         resolution: If "sampled", the largest difference of neighbouring distances in one range of
             `pdw` [m]; else 0.
         configurations: (m, n) if "sampled", some of the singular configurations, by distance.
+        statements: What is certified about each range of `reachable`, `pdw` and `piw`, in this
+            order; of a workspace that is empty too.
     """
 
     arm: SpaceArm
@@ -246,6 +250,7 @@ class Workspace(Result):
     proof: tuple[Array, ...]
     resolution: float
     configurations: Array
+    statements: tuple[RangeStatement, ...]
 
     JSON: ClassVar[Mapping[str, str]] = {"kind": "bounds"}
 
@@ -363,15 +368,19 @@ class Workspace(Result):
         rows: list[tuple[Cell, ...]] = []
         for name, radii in ranges.items():
             sizes = [self._volume(radii), *[None] * len(radii)]
-            rows += [(name, *ends, size) for ends, size in zip(radii, sizes, strict=False)]
-            rows += [(name, "none", "", "")] if not len(radii) else []
+            stated = [one for one in self.statements if one.workspace == name]
+            words = [_in_words(one) for one in stated] or ["by numerical search"] * len(radii)
+            rows += [(name, *row) for row in zip(*radii.T, sizes, words, strict=False)]
+            rows += [(name, "none", "", "", *words[:1])] if not len(radii) else []
+        used = {one.bounds for one in self.statements} - {"certified"}
+        meanings = [f"{word}: {meaning}" for word, meaning in MEANING.items() if word in used]
         size = Column("area", "m²", ".7g") if self.planar else Column("volume", "m³", ".7g")
         distances = (Column("from", "m", ".7f"), Column("to", "m", ".7f"))
         return Description(
             title=f"{self.arm.name}, {self.mode}",
             verdict=f"{self.fraction:.2%} of the reachable workspace is path independent",
-            notes=[f"distances of the tip from the system CM ({how})"],
-            tables=[Table(("workspace", *distances, size), rows)],
+            notes=[f"distances of the tip from the system CM ({how})", *meanings],
+            tables=[Table(("workspace", *distances, size, "bounds"), rows)],
         )
 
     def __repr__(self) -> str:
@@ -454,20 +463,28 @@ def workspace(
     search, shells = ShellSearch(arm, mode, box, searching), list[Shell]()
     reach = [search.about((), points)]
 
-    def known(proof: Proven | None = None, gap: float = np.nan, farthest: float = 0.0) -> Workspace:
+    def known(
+        proof: Proven | None = None,
+        outside: float = np.nan,
+        beyond: float = np.nan,
+        farthest: float = 0.0,
+    ) -> Workspace:
         reachable = merged([shell.radius for shell in reach])
         pdw = merged([shell.radius for shell in shells])
-        kind: Kind = "stopped"
+        piw = without(reachable, pdw, TOLERANCE)
+        kind, gap, uncovered = _STOPPED, np.nan, np.full(len(pdw), np.nan)
+        small_enough = max(TOLERANCE, SMALL * farthest)
         if proof is not None:
-            gap = max(gap, float(np.diff(without(pdw, proof.radii)).max(initial=0.0)))
-            kind = "certified" if gap <= max(TOLERANCE, SMALL * farthest) else "found"
+            uncovered = _widest_left(pdw, proof.radii)
+            gap = max(outside, beyond, float(uncovered.max(initial=0.0)))
+            kind = "certified" if gap <= small_enough else "found"
         return Workspace(
             arm=arm,
             mode=mode,
             limits=limits,
             reachable=reachable,
             pdw=pdw,
-            piw=without(reachable, pdw, TOLERANCE),
+            piw=piw,
             shells=tuple(sorted(shells, key=lambda shell: shell.radius[0])),
             reachable_at=reach[0].at,
             kind=kind,
@@ -477,6 +494,15 @@ def workspace(
             proof=() if proof is None else proof.curves,
             resolution=0.0,
             configurations=np.empty((0, arm.n)),
+            statements=statements(
+                reachable,
+                pdw,
+                piw,
+                beyond=beyond,
+                outside=outside,
+                uncovered=uncovered,
+                certified=small_enough,
+            ),
         )
 
     def keep(so_far: list[Shell]) -> None:
@@ -498,17 +524,23 @@ def workspace(
                 equations = found.triangle.equations
                 proven, gap = search.proven(equations, shells, lambda q: _is_member(found, q))
                 keep(proven)
-                gap = max(gap, reach_gap)
             else:
                 gap = left_out(found, box, merged([shell.radius for shell in shells]), farthest)
+                reach_gap = gap  # it bounds the distances beyond both ends
             proof = prove_shells(found, box, shells, farthest, proving)
-            result = known(proof, min(gap, farthest), farthest)
+            result = known(proof, min(gap, farthest), min(reach_gap, farthest), farthest)
             if result.kind == "certified":
                 break
     except KeyboardInterrupt:
         why = "shells may be missing, or wider than found so far"
         raise StoppedError(why, known()) from None
     return result
+
+
+def _widest_left(ranges: Array, parts: Array) -> Array:
+    """Return the width of the widest part of each range (k, 2) that parts (m, 2) leave, (k,)."""
+    left = [without(one[None], parts) for one in ranges]
+    return np.array([float(np.diff(rest).max(initial=0.0)) for rest in left])
 
 
 def _is_member(found: ExactSet, q: Array) -> bool:
@@ -543,13 +575,24 @@ def _sampled_workspace(
     found = sampler.result()
     reachable = found.reachable[None]
     pdw = merged([shell.radius for shell in found.shells])
+    piw = without(reachable, pdw, TOLERANCE)
+    stated = statements(
+        reachable,
+        pdw,
+        piw,
+        beyond=np.nan if stopped else max(found.reachable[0], found.farthest - found.reachable[1]),
+        outside=np.nan if stopped else found.gap,
+        uncovered=np.full(len(pdw), found.resolution),
+        certified=max(TOLERANCE, SMALL * found.farthest),
+        sampled=True,
+    )
     result = Workspace(
         arm=arm,
         mode=mode,
         limits=limits,
         reachable=reachable,
         pdw=pdw,
-        piw=without(reachable, pdw, TOLERANCE),
+        piw=piw,
         shells=tuple(found.shells),
         reachable_at=found.reachable_at,
         kind="stopped" if stopped else "sampled",
@@ -559,10 +602,20 @@ def _sampled_workspace(
         proof=(),
         resolution=found.resolution,
         configurations=found.configurations,
+        statements=stated,
     )
     if stopped:
         raise StoppedError("singular configurations may be missing", result)
     return result
+
+
+def _in_words(one: RangeStatement) -> str:
+    """Write what is certified about a range."""
+    if not np.isfinite(one.error):
+        return one.bounds
+    if one.bounds == "certified":
+        return f"certified to {one.error:.2g} m"
+    return f"{one.bounds}, off by at most {one.error:.2g} m"
 
 
 def _within(R: float, radii: Array) -> bool:
