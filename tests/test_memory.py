@@ -12,6 +12,7 @@ import spacearm as sa
 from spacearm import processes
 from spacearm.mechanics.batch import results_for
 from spacearm.polynomial.trig import interpolants
+from spacearm.singularities.sets import FoundSet
 
 resource = pytest.importorskip("resource")
 
@@ -84,6 +85,7 @@ def test_a_limit_that_is_no_number_of_gigabytes_is_refused(monkeypatch, text):
 def searches():
     """Searches with arguments for which they need much memory, and their remedies."""
     arm = sa.load("planar2")
+    start = arm.at([-0.6, 1.4])
     rows = np.broadcast_to(np.zeros(2), (4_000_000, 2))
     S = sa.singularity_polynomial(arm)
     box_graph = importlib.import_module("spacearm.singularities.box_graph")
@@ -99,13 +101,39 @@ def searches():
             lambda: interpolants(lambda Q: np.zeros((len(Q), 9)), np.full((2, 9), 300)),
             "lock joints",
         ),
+        "a map": (lambda: sa.singular_map(arm, points=2001), "fewer points"),
+        "found": (lambda: FoundSet(arm, "free-floating").sample(1_000_000), "take fewer"),
+        "drawn": (lambda: sa.singular_set(arm).sample(1_000_000), "take fewer"),
+        "poses": (
+            lambda: sa.pose_risk(arm, poses=1_000_000, neighbours=1000, samples=1_000_000),
+            "fewer of either",
+        ),
+        "shares": (
+            lambda: sa.uncertain(arm, {"link_2": {"mass": 0.05, "com": 0.1}}).sample(
+                1_000_000, np.random.default_rng(0)
+            ),
+            "fewer samples",
+        ),
+        "directions": (
+            lambda: sa.level_reach(start, 0.1, directions=1_000_000),
+            "fewer directions",
+        ),
+        "attitudes": (
+            lambda: sa.feasible_attitudes(start, [(2.0, 0.0), (1.5, 1.5)], samples=1_000_000),
+            "fewer samples",
+        ),
     }
 
 
-@pytest.mark.parametrize("case", ["grid", "rows", "samples", "boxes", "a fit"])
+CASES = ["grid", "rows", "samples", "boxes", "a fit", "a map", "found", "drawn", "poses", "shares"]
+
+
+@pytest.mark.parametrize("case", [*CASES, "directions", "attitudes"])
 def test_searches_ask_for_memory_before_they_allocate_it(case, monkeypatch):
     search, remedy = searches()[case]
     monkeypatch.setattr(processes, "free_memory", lambda: 6e7)
+    with pytest.raises(sa.SpaceArmError):  # imports modules and compiles kernels
+        search()
     tracemalloc.start()
     with pytest.raises(sa.SpaceArmError, match=r"needs .* GB of memory, and 0\.048 GB") as caught:
         search()

@@ -26,6 +26,7 @@ from spacearm.model.frames import evenly_spread
 from spacearm.motion import leading
 from spacearm.motion.leading import PathTable, Settings, lead_all
 from spacearm.planning.many_curves import held_jacobian, inverse_kinematics
+from spacearm.processes import check_memory
 from spacearm.singularities.risk import uniform
 
 #: Steps of Newton's method: usually, and near the border of what can be reached.
@@ -192,6 +193,8 @@ EACH = 32
 REACH = 1.5
 #: Axes about which the largest ball is probed, at so many angles at a time, in so many rounds.
 AXES, SHELLS, ROUNDS = 400, 8, 4
+#: Numbers that are kept for each attitude: outcomes and cells; and joint positions.
+CELL_NUMBERS, CELL_NUMBERS_PER_JOINT = 60, 4
 
 
 class Outcome(NamedTuple):
@@ -324,6 +327,7 @@ def search_ring(
     Returns:
         The outcomes by increasing angle; the angles (m,) from -pi to pi; the intervals (k, 2).
     """
+    _check_cells(trials, samples)
     gap = 2.0 * np.pi / samples
     angle = -np.pi + gap * (np.arange(samples) + 0.5)
     found = trials.at(turned_about(axis, angle), max(1.5 * gap, WAVE), progress)
@@ -408,6 +412,7 @@ def search_cells(
     Returns:
         The outcomes in the middles of all cells; the cells (m, 2); their levels (m,).
     """
+    _check_cells(trials, 72 * 8**level)
     of, parts = rotations.cells(level), 2 + refine
 
     def tell(done: int, total: int, part: int = 0) -> None:
@@ -420,6 +425,7 @@ def search_cells(
         border = (levels == finer - 1) & at_border(found, trials.feasible(found), levels)
         if not border.any():
             break
+        _check_cells(trials, len(of) + 7 * int(border.sum()))
         inner = rotations.children(of[border])
         middles = rotations.attitudes(inner, finer)
         more = trials.near(middles, found.posture_near(middles))
@@ -428,6 +434,16 @@ def search_cells(
         levels = np.concatenate((levels[~border], np.full(len(inner), finer)))
         tell(1, 1, finer - level)
     return found, of, levels
+
+
+def _check_cells(trials: PathTrials, cells: int) -> None:
+    """Refuse to search more cells than the free memory has room for.
+
+    Raises:
+        SpaceArmError: They need more.
+    """
+    need = 8.0 * cells * (CELL_NUMBERS + CELL_NUMBERS_PER_JOINT * trials.start.arm.n)
+    check_memory(need, f"a search of {cells:,} attitudes", "use fewer samples, or refine less")
 
 
 def volume(levels: rotations.Cells) -> Array:

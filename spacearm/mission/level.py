@@ -25,11 +25,14 @@ from spacearm.model.frames import evenly_spread
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import as_goal
 from spacearm.motion.leading import Led, PathTable, Settings, lead_all
+from spacearm.processes import check_memory
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
 
 #: Default number of directions, in the plane and in space.
 RAYS = {2: 360, 3: 1000}
+#: Numbers that are kept for each direction: poses, rotations, the run; and joint positions.
+RAY_NUMBERS, RAY_NUMBERS_PER_JOINT = 60, 4
 #: Default distance of cells, as a share of what straight lines reach on average.
 SHARE = 0.25
 #: Most cells from the tip's start to the border of what is searched.
@@ -248,6 +251,8 @@ def level_reach(
     margin = within(margin, "margin", 0.0, np.pi, "an angle [rad]")
     dimension = 3 if axis is None else 2
     number = RAYS[dimension] if directions is None else whole(directions, "directions", 4)
+    need = 8.0 * number * (RAY_NUMBERS + RAY_NUMBERS_PER_JOINT * arm.n)
+    check_memory(need, f"a reach along {number:,} directions", "use fewer directions")
     ends = FOLLOWING._replace(limits=limits, most_tilt=tilt, margin=margin)
     rays, farthest = _directions(axis, number), _longest_reach(arm)
     led = _along_rays(cfg, rays, farthest, ends, progress)

@@ -27,6 +27,7 @@ from spacearm.polynomial.level_set import Mesh
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.tubes import ROUNDING, Tubes, foot, straight
 from spacearm.polynomial.univariate import Roots
+from spacearm.processes import check_memory
 from spacearm.results import Cell, Described, Description, Table
 from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import any_payload, immaterial_links, payload_note
@@ -533,3 +534,17 @@ class SingularSet(Described, ABC):
             notes=[payload_note(self.arm, self.mode)],
             tables=[Table.facts(facts)],
         )
+
+
+#: Memory of a singular configuration in a list of them, beside its numbers.
+ROW_BYTES = 150.0
+
+
+def check_sampled(arm: SpaceArm, m: int) -> None:
+    """Refuse to sample more singular configurations of an arm than the free memory has room for.
+
+    Raises:
+        SpaceArmError: They need more.
+    """
+    need = m * (ROW_BYTES + 2 * 8.0 * arm.n)  # in a list first, then in one array
+    check_memory(need, f"a sample of {m:,} singular configurations", "take fewer")

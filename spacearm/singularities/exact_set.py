@@ -29,7 +29,7 @@ from spacearm.polynomial.triangle import Triangle
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.polynomial.univariate import Roots, distinct, line_roots, wrap
 from spacearm.signatures import checked
-from spacearm.singularities.abstract_set import Component, SingularSet, prove_free
+from spacearm.singularities.abstract_set import Component, SingularSet, check_sampled, prove_free
 from spacearm.singularities.polynomials import distances, radius_squared
 
 #: Values of a joint that S does not depend on, from which extremes of R are searched.
@@ -175,6 +175,7 @@ class ExactSet(SingularSet):
             NoSolutionError: The set is empty, or so small that none of many lines meets it.
         """
         m, rng = whole(m, "m", 0), rng or np.random.default_rng()
+        check_sampled(self.arm, m)
         found, count, lines = [], 0, 0
         first = 256 if self.codimension == 1 else min(256, m)  # enough along each of the joints
         while count < m:

@@ -13,6 +13,7 @@ from spacearm.errors import ConfigurationError, StoppedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
+from spacearm.processes import check_memory
 from spacearm.results import Cell, Description, Measure, Result, Table
 from spacearm.signatures import checked, shown
 from spacearm.singularities.polynomials import chart_of
@@ -22,6 +23,8 @@ from spacearm.singularities.sets import singular_set
 LINES, ON_LINE = 16, 32
 #: Largest number of points along each joint of a map.
 MOST_POINTS = 2001
+#: Numbers that are kept for each posture of a map beside its joint positions.
+MEASURED = 8
 
 
 class SingularMap(Result):
@@ -126,6 +129,8 @@ def singular_map(
             name = arm.joint_names[j]
             raise ConfigurationError(f"joint {name!r} is prismatic; a map is over revolute joints")
     points = whole(points, "points", 2, MOST_POINTS)
+    need = 8.0 * points**2 * (arm.n + MEASURED)
+    check_memory(need, f"a map of {points:,} x {points:,} postures", "use fewer points")
     angles = np.linspace(-np.pi, np.pi, points)
     Q = np.tile(centre, (points * points, 1))
     Q[:, a], Q[:, b] = angles.repeat(points), np.tile(angles, points)

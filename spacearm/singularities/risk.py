@@ -59,6 +59,8 @@ SEARCHED = (
 BLOCK = 1_000_000
 #: Numbers that are kept of each sample besides its joints.
 MEASURED = 8
+#: Memory for each neighbour of a pose: its distance, its number, its value, whether it is near.
+NEIGHBOUR_BYTES = 25.0
 
 
 class RiskProfile(Result):
@@ -432,6 +434,8 @@ def pose_risk(
             "samples than either"
         )
     measure, bound, unit = _near(arm, FLOATING, sigma_min, distance)
+    what = f"{poses:,} poses with {neighbours:,} neighbours each"
+    check_memory(NEIGHBOUR_BYTES * poses * neighbours, what, "use fewer of either")
     Q = uniform(arm, limits, samples, generator(seed))
     values = {name: np.full(samples, np.nan) for name in (measure, "radius", "fixed")}
     _measure(arm, FLOATING, Q, bound, values, None, None)

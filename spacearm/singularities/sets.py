@@ -26,7 +26,13 @@ from spacearm.polynomial.trig import NotPolynomialError
 from spacearm.polynomial.tubes import straight
 from spacearm.signatures import checked
 from spacearm.singularities import polynomials
-from spacearm.singularities.abstract_set import SingularSet, path_rows, prove_clear, prove_free
+from spacearm.singularities.abstract_set import (
+    SingularSet,
+    check_sampled,
+    path_rows,
+    prove_clear,
+    prove_free,
+)
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.nearest import NearestSingular, search_and_proof
 from spacearm.singularities.regularity import has_momenta, prove_by_momenta
@@ -82,6 +88,7 @@ class FoundSet(SingularSet):
                 found, leads to a further one; carries those found.
         """
         m, rng = whole(m, "m", 0), rng or np.random.default_rng()
+        check_sampled(self.arm, m)
         found, starts, chart = list[Array](), 0, polynomials.chart_of(self.arm)
         while len(found) < m:
             if starts >= FRUITLESS + EACH * len(found):

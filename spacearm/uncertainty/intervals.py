@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
@@ -15,6 +16,7 @@ from spacearm.description.bodies import Inertial
 from spacearm.errors import ConfigurationError, require_known
 from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import SpaceArm
+from spacearm.processes import check_memory
 from spacearm.results import Described, Description, Table
 from spacearm.signatures import checked, shown
 from spacearm.singularities.immaterial_masses import immaterial_links
@@ -132,7 +134,11 @@ class UncertainArm(Described):
 
     def sample(self, m: int, rng: np.random.Generator) -> Array:
         """Return random shares (m, p), uniform where there is no distribution."""
-        shares = rng.uniform(size=(whole(m, "m", 0), len(self.parameters)))
+        shape = (whole(m, "m", 0), len(self.parameters))
+        need = 3 * 8.0 * math.prod(shape)  # the shares, those beside the corners, and the values
+        what = f"{shape[0]:,} samples of {shape[1]:,} uncertain parameters"
+        check_memory(need, what, "use fewer samples")
+        shares = rng.uniform(size=shape)
         for column, p in zip(shares.T, self.parameters, strict=True):
             if p.law is not None:
                 values = p.law.ppf(TAIL + (1.0 - 2.0 * TAIL) * column)

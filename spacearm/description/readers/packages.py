@@ -21,11 +21,11 @@ LEVELS = 5
 MOST_FOLDERS = 5_000
 #: Folders right below the root of the file system that belong to the system and to all its users.
 #: Any other one, such as /workspace, may be that of a project.
-SYSTEM = frozenset(
-    ("bin", "boot", "dev", "etc", "home", "lib", "lib32", "lib64", "media", "mnt", "nix", "opt")
-    + ("proc", "root", "run", "sbin", "snap", "srv", "sys", "tmp", "usr", "var")
-    + ("Applications", "Library", "System", "Users", "Volumes", "cores", "private")
-)
+SYSTEM = frozenset({
+    "bin", "boot", "dev", "etc", "home", "lib", "lib32", "lib64", "media", "mnt", "nix", "opt",
+    "proc", "root", "run", "sbin", "snap", "srv", "sys", "tmp", "usr", "var",
+    "Applications", "Library", "System", "Users", "Volumes", "cores", "private",
+})  # fmt: skip
 #: Those of them whose folders belong to the system too: on macOS /tmp is a link to /private/tmp.
 DIVIDED = frozenset(("dev", "private", "run", "usr", "var"))
 #: Those of them whose folders are the homes of users.
