@@ -512,7 +512,7 @@ def capture(
     h = M @ before + cfg.J.T @ M_t @ t
     f = len(h) if joints == "free" else 6
     after = np.zeros_like(h)
-    after[:f] = np.linalg.solve(M_held[:f, :f], h[:f])
+    after[:f] = solve(cfg.arm, M_held[:f, :f], h[:f], "the mass matrix with the target")
     dv, dt = after - before, cfg.J @ after - t
     held = held.with_wheels(cfg.wheels)  # which spin on as they do, relative to the spacecraft
     momentum = held.A @ after + held.stored

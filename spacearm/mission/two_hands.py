@@ -32,6 +32,7 @@ from spacearm.mechanics.dynamics import (
     generalized_velocity,
     inverse_dynamics,
     mass_matrix,
+    solve,
 )
 from spacearm.mechanics.floating import carried_along, samples
 from spacearm.mechanics.target import Target
@@ -640,7 +641,8 @@ def impact(held: Held, dq: Array, twist: Array) -> Capture:
     before = generalized_velocity(arm, dq)
     J = carried(at - arm.tips[0].translation) @ arm.J[:6]
     M, M_t, M_whole = mass_matrix(arm), target_momentum(target, at), mass_matrix(whole)
-    first = np.linalg.solve(M_whole, M @ before + J.T @ M_t @ twist)
+    h = M @ before + J.T @ M_t @ twist
+    first = solve(whole.arm, M_whole, h, "the mass matrix with the target")
     after = onto_closure(whole, first)
     energy = before @ M @ before + twist @ M_t @ twist - after @ M_whole @ after
     momentum = whole.A @ after

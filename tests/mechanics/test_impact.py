@@ -3,7 +3,17 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import load_text, random_base, random_inertia, random_tree, seeds
+from helpers.arms import (
+    frame,
+    joint,
+    link,
+    load_text,
+    random_base,
+    random_inertia,
+    random_tree,
+    robot,
+    seeds,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -27,8 +37,8 @@ def random_state(seed: int):
 def momentum_of_parts(links, velocities):
     """Linear momentum, angular momentum about the inertial origin, energy: summed over links."""
     P, L, T = np.zeros(3), np.zeros(3), 0.0
-    for link, (pose, part) in links.items():
-        v, w = velocities[link][:3], velocities[link][3:]
+    for name, (pose, part) in links.items():
+        v, w = velocities[name][:3], velocities[name][3:]
         R, c = pose.rotation, pose.translation + pose.rotation @ part.lever
         v_c = v + np.cross(w, pose.rotation @ part.lever)
         I = R @ part.inertia @ R.T
@@ -213,3 +223,13 @@ def test_an_arm_whose_mass_matrix_is_not_positive_definite_is_refused():
     arm = load_text(text.replace('izz="0.25"', 'izz="-3"'), check="accept")
     with pytest.raises(sa.ModelError, match="planar2: the mass matrix M is not positive definite"):
         sa.capture(arm.at([0.3, 0.4]), [0.1, 0, 0, 0, 0, 0], 5.0, np.eye(3))
+
+
+@pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
+def test_a_tip_so_far_away_that_rounding_makes_masses_singular_is_refused():
+    parts = (link("bus", 0.001, inertia=1e-12 * np.eye(3)), link("arm", com=(1, 0, 1)))
+    hand = joint("hand", "arm", "tip", "fixed", xyz=(1e12, 0, 0))
+    text = robot(*parts, joint("1", "bus", "arm", axis=(0, 1, 0)), frame("tip"), hand)
+    cfg = load_text(text, check="accept", tip="tip", task="x").at([0.3])
+    with pytest.raises(sa.ModelError, match="not positive definite"):
+        sa.capture(cfg, np.ones(6), 1e12, 1e12 * np.eye(3))

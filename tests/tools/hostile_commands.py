@@ -123,6 +123,8 @@ def spoken(words: list[str]) -> tuple[int, str, str]:
     with warnings.catch_warnings(), redirect_stdout(out), redirect_stderr(err):
         warnings.simplefilter("error")  # any but ours: the command line prints them all
         warnings.simplefilter("ignore", ModelWarning)
+        # Matplotlib draws a box and says which character its font lacks
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
         try:
             cli.main()
             code = 0
