@@ -16,7 +16,6 @@ the values that are alive at once need too much, since numbers in memory cost ti
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from itertools import accumulate, islice
@@ -314,6 +313,7 @@ class _Body(Instructions):
         self._products = self._fused(outputs) if fused else {}
         self._inside = {product.number for product in self._products.values()}
         self._last: dict[int, int] = {}
+        self._shares: dict[int, tuple[int, int]] = {}
         self._angles: dict[int, list[Expression]] = {}
         for step, e in enumerate(self._needed):
             if e.number in self._inside:
@@ -322,40 +322,36 @@ class _Body(Instructions):
             if e.number in self._products:
                 operands = (*operands, *self._products[e.number].operands)
             for o in operands:
-                if type(o) is Expression and o.tape is tape:
-                    self._last[o.number] = step
+                if type(o) is Expression:
+                    if o.tape is tape:
+                        self._last[o.number] = step
+                    else:
+                        first, _ = self._shares.get(o.number, (step, step))
+                        self._shares[o.number] = first, step
             if e.operation in ("sin", "cos"):
                 self._angles.setdefault(e.expressions()[0].key, []).append(e)
         for o in outputs:
             if type(o) is Expression and o.tape is tape:
                 self._last[o.number] = len(self._needed)
+            elif type(o) is Expression:
+                first, _ = self._shares.get(o.number, (len(self._needed),) * 2)
+                self._shares[o.number] = first, len(self._needed)
         if self.lanes.optimised:
-            alive = SPARE * SCALAR * self.width * (self._alive(outputs) + 2 * self.width)
+            alive = SPARE * SCALAR * self.width * (self._alive() + 2 * self.width)
             if self._whole or alive <= self.lanes.section:
                 self._limit, self.sections[-1].alive = inf, alive
 
-    def _alive(self, outputs: Iterable[Any]) -> int:
+    def _alive(self) -> int:
         """Return how many values are alive at once; of what lanes share, those that are taken."""
-        first: dict[tuple[bool, int], int] = {}
-        last: dict[tuple[bool, int], int] = {}
-        for step, e in enumerate(self._needed):
-            product = self._products.get(e.number)
-            operands = () if product is None else product.operands
-            for o in (e, *e.operands, *operands):
-                if type(o) is Expression:
-                    value = o.tape is self._tape, o.number
-                    first.setdefault(value, step)
-                    last[value] = step
         end = len(self._needed)
-        for o in outputs:
-            if type(o) is Expression:
-                value = o.tape is self._tape, o.number
-                first.setdefault(value, end)
-                last[value] = end
-        begun = Counter(first.values())
-        ended = Counter(last.values())
-        steps = range(end + 1)
-        return max(accumulate(begun[step] - ended[step - 1] for step in steps), default=0)
+        changes = [0] * (end + 2)
+        for step, e in enumerate(self._needed):
+            changes[step] += 1
+            changes[self._last.get(e.number, step) + 1] -= 1
+        for first, last in self._shares.values():
+            changes[first] += 1
+            changes[last + 1] -= 1
+        return max(accumulate(changes))
 
     def rest(self) -> None:
         """Begin another section if the values of this one need much of the stack."""
