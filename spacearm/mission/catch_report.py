@@ -36,8 +36,8 @@ from spacearm.singularities.nearest import angle
 DAMPED, SETTLED = 0.5, 12.0
 #: What `to_dict` of a catch has under its own name.
 TOLD = (
-    "arm", "grapple", "begin", "distance_proven", "place_error", "turn_error", "twist_error",
-    "torque", "momentum", "wheel_load", "base_rotation", "tumble", "not_checked",
+    "arm", "mode", "grapple", "begin", "distance_proven", "place_error", "turn_error",
+    "twist_error", "torque", "momentum", "wheel_load", "base_rotation", "tumble", "not_checked",
 )  # fmt: skip
 
 
