@@ -11,6 +11,7 @@ import secrets
 import shutil
 import signal
 import subprocess
+import sys
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -46,6 +47,14 @@ VIDEOS = {
     ".mp4": ("-c:v", "libx264", "-preset", "veryfast"),
     ".webm": ("-c:v", "libvpx-vp9", "-deadline", "realtime", "-cpu-used", "8", "-crf", "30"),
 }
+#: Starts a program that Linux kills when the process that started it ends, even by SIGKILL: prctl
+#: with PR_SET_PDEATHSIG (1) and SIGKILL (9).
+ENDS_WITH_THIS = (
+    sys.executable,
+    "-IS",
+    "-c",
+    "import ctypes, os, sys; ctypes.CDLL(None).prctl(1, 9); os.execv(sys.argv[1], sys.argv[1:])",
+)
 #: Browsers that draw the pictures of a motion side by side.
 BROWSERS_AT_ONCE = 2
 PIECE_OF_PICTURE = re.compile(rb'"picture ([A-Za-z0-9+/=]*)(!?)"')
@@ -124,13 +133,14 @@ def _drawing(page: str, size: tuple[int, int], times: Sequence[float]) -> Iterat
 
 @contextmanager
 def _running(command: list[str], folder: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a browser; afterwards none of its processes is left.
+    """Run a browser; afterwards none of its processes is left, on Linux even if this one is killed.
 
     Its own temporary files lie in the folder: a browser that is killed does not remove them. The
     name of that folder is "." for it, since the path of a socket has at most some 100 characters.
     """
+    before = ENDS_WITH_THIS if sys.platform == "linux" else ()
     with subprocess.Popen(
-        command,
+        [*before, *command],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         cwd=folder,

@@ -140,6 +140,28 @@ def test_of_what_a_signal_ends(place, kind, number):
 
 @linux
 @pytest.mark.slow
+def test_browsers_end_with_a_process_that_is_killed(place):
+    wait = "time.sleep(600)"
+    make_browser(place, then_a_picture=wait)
+    command = [sys.executable, "-m", "spacearm", "view", "planar2", "--png", place / "out/p.png"]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    deadline = time.monotonic() + 300
+    while not (place / "pids").exists() or len((place / "pids").read_text().split()) < 2:
+        assert time.monotonic() < deadline
+        assert run.poll() is None, run.communicate()
+        time.sleep(0.01)
+    browser, child = (int(number) for number in (place / "pids").read_text().split())
+    run.kill()
+    run.communicate(timeout=300)
+    os.kill(child, signal.SIGKILL)  # of a real browser the other processes notice that it has ended
+    line = Path(f"/proc/{browser}/cmdline")
+    while line.exists() and line.read_bytes():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@linux
+@pytest.mark.slow
 @pytest.mark.skipif(not any(Path("/usr/bin").glob("*chrom*")), reason="there is no browser")
 @pytest.mark.parametrize("kind", ["png", "zip", "gif"])
 def test_of_what_a_real_browser_draws(place, kind):
