@@ -36,6 +36,7 @@ import pinocchio as pin
 from tornado.websocket import websocket_connect
 
 import spacearm as sa
+from spacearm.mechanics.arm_kernels import KEPT_ARMS
 
 PARTS = 11
 
@@ -193,6 +194,10 @@ def use() -> Job:
         else:
             viewer.png(picture, (300, 200))
         viewer._repr_html_()
+
+    for number in range(KEPT_ARMS):  # from now on a new arm takes the place of an old one
+        viewer.handle({"do": "arm", "robot": ROBOTS[number % len(ROBOTS)]})
+        viewer.readout()
 
     def run(count: int) -> None:
         for _ in range(count):
