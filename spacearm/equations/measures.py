@@ -159,8 +159,9 @@ AT_ONCE = 8
 
 
 def distance(
-    xp: Any, tree: Structure, p: Parameters, q: Any, fading: Any, radians: Any
-) -> tuple[Any, Any, Any]:
+    xp: Any, tree: Structure, p: Parameters, q: Any, fading: Any, radians: Any, left: Any = None,
+    right: Any = None,
+) -> tuple[Any, Any, Any]:  # fmt: skip
     """Compute the distance to the singular set and its normal space.
 
     Args:
@@ -170,6 +171,8 @@ def distance(
         q: (n,) joint positions.
         fading: Slopes below this times sigma_min are not equations [1/rad].
         radians: (n,) what counts as a radian of each joint.
+        left: (k, k) what J* is multiplied by from the left; by nothing if None.
+        right: (n, n) the same from the right.
 
     Returns:
         The distance [rad], inf where nothing leads to the set; sigma_min of J* per radian; (r, n)
@@ -177,10 +180,15 @@ def distance(
     """
     at = kinematics.posture(xp, tree, p, q)
     J = kinematics.task_jacobian_at(xp, tree, at) * radians
+    if left is not None:
+        J = left @ J @ right
     norm = xp.sqrt((J * J).sum())
     least = linear_algebra.least_with_vectors(xp, J)
-    force = least.u * tree.scale[:, 0] @ np.eye(6 * len(tree.tips))[list(tree.rows)]
-    ways = (way * radians for way in (least.v, *least.null))
+    u, ways = least.u, [least.v, *least.null]
+    if left is not None:
+        u, ways = u @ left, [right @ way for way in ways]
+    force = u * tree.scale[:, 0] @ np.eye(6 * len(tree.tips))[list(tree.rows)]
+    ways = [way * radians for way in ways]
     slopes = [slope * radians for slope in kinematics.slopes(xp, tree, at, force, ways)]
     return way_out(xp, slopes, norm, least.sigma, fading)
 

@@ -30,6 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +39,7 @@ from spacearm.arrays import Array, Integers
 from spacearm.compiler import numbers
 from spacearm.compiler.expressions import LongTapeError
 from spacearm.equations.measures import NOTHING, ZERO, distance, way_out
-from spacearm.mechanics.arm_kernels import WIDE, ArmKernel, worth_compiling
+from spacearm.mechanics.arm_kernels import KEPT_ARMS, WIDE, ArmKernel, worth_compiling
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
@@ -56,6 +57,12 @@ FINE = 1e-5
 SINGLY = 1e-3
 #: By how many joints of an arm that is not compiled this time is doubled; it grows as their square.
 DOUBLED = 25.0
+#: Postures whose J* are scaled to singular values of like size, and rounds of the scaling.
+SAMPLES, ALTERNATIONS = 64, 6
+#: Squared share of the norm of J* that is rounding.
+ROUNDED = 1e-30
+#: Condition of the scaling up to which J* is as good without it.
+WELL_SCALED = 100.0
 #: The second step counts only if the first one came this much nearer, less and less up to that.
 CONTRACTING = 0.5
 
@@ -73,6 +80,18 @@ class Linearisation(NamedTuple):
     distance: Array
     sigma: Array
     rows: Array
+
+
+class Scaling(NamedTuple):
+    """Matrices that J* is multiplied by: L J* R loses rank where J* does.
+
+    Attributes:
+        left: (k, k) L.
+        right: (n, n) R.
+    """
+
+    left: Array
+    right: Array
 
 
 #: Linearises the singular set at configurations (p, n), with some fading.
@@ -231,19 +250,31 @@ def refined_at(
 
 
 def linearise_singly(
-    arm: SpaceArm, Q: Array, mode: BaseMode, fading: float = FADING
+    arm: SpaceArm,
+    Q: Array,
+    mode: BaseMode,
+    fading: float = FADING,
+    scaling: Scaling | None = None,
 ) -> Linearisation:
     """Linearise the singular set at configurations Q (m, n), one by one."""
-    return _stacked([_near(arm.at(q), mode, None, fading) for q in Q])
+    return _stacked([_near(arm.at(q), mode, None, fading, scaling) for q in Q])
 
 
 def _near(
-    cfg: Configuration, mode: BaseMode, axes: Array | None, fading: float = FADING
+    cfg: Configuration,
+    mode: BaseMode,
+    axes: Array | None,
+    fading: float = FADING,
+    scaling: Scaling | None = None,
 ) -> RankDistances:
     """Compute the rank_distances of one configuration."""
     J = task_jacobian(cfg, mode=mode, axes=axes)
     dJ = task_jacobian_derivative(cfg, mode=mode, axes=axes)
-    return rank_distances_of(cfg.arm, J, dJ, fading=fading, ranks=1)
+    if scaling is None:
+        return rank_distances_of(cfg.arm, J, dJ, fading=fading, ranks=1)
+    unit, (left, right) = joint_scales(cfg.arm), scaling
+    J, dJ = left @ (J * unit) @ right, left @ (dJ * unit * unit[:, None, None]) @ right
+    return rank_distances(J, dJ, ZERO * float(np.linalg.norm(J)), fading, 1)
 
 
 def _stacked(found: list[RankDistances]) -> Linearisation:
@@ -277,6 +308,7 @@ def linearise(
     fading: float = FADING,
     *,
     expected: int = 0,
+    scaling: Scaling | None = None,
 ) -> Linearisation:
     """Linearise the singular set at configurations Q (m, n).
 
@@ -286,16 +318,23 @@ def linearise(
         mode: What the spacecraft does.
         fading: As in `rank_distances`.
         expected: How many configurations it is computed for in all, if that is more.
+        scaling: What J* is multiplied by; nothing if None. The set stays the same; the distance to
+            it, to first order, changes.
     """
     many = max(len(Q), expected)
     if arm.n >= arm.task.k and worth_compiling(many, SINGLY):
         with suppress(LongTapeError):
-            return _linearise_compiled(arm, Q, mode, fading, many)
-    return linearise_singly(arm, Q, mode, fading)
+            return _linearise_compiled(arm, Q, mode, fading, many, scaling)
+    return linearise_singly(arm, Q, mode, fading, scaling)
 
 
 def _linearise_compiled(
-    arm: SpaceArm, Q: Array, mode: BaseMode, fading: float, many: int
+    arm: SpaceArm,
+    Q: Array,
+    mode: BaseMode,
+    fading: float,
+    many: int,
+    scaling: Scaling | None = None,
 ) -> Linearisation:
     """Linearise the singular set by machine code.
 
@@ -303,11 +342,59 @@ def _linearise_compiled(
         LongTapeError: The arm has so many joints that its equations are not compiled.
     """
     kernel = ArmKernel([arm], mode, distance, lanes=WIDE, rows=many)
-    far, sigma, rows = kernel({"q": Q}, {"fading": fading, "radians": joint_scales(arm)})
+    shared = {"fading": fading, "radians": joint_scales(arm)}
+    if scaling is not None:
+        shared |= {"left": scaling.left, "right": scaling.right}
+    far, sigma, rows = kernel({"q": Q}, shared)
     on_it = far == 0.0
     if on_it.any():  # singular all around, it has no normal
         rows[on_it] = np.where(np.isnan(rows[on_it]), 0.0, rows[on_it])
     return Linearisation(far, sigma, rows)
+
+
+@lru_cache(maxsize=KEPT_ARMS)
+def scaling_of(arm: SpaceArm, mode: BaseMode) -> Scaling | None:
+    """Return the scaling under which J* has singular values of like size, None if it is not needed.
+
+    It is needed for arms with as many joints as task rows whose singular values of J* differ by
+    orders of magnitude at all postures, as where several axes are parallel and the spacecraft is
+    heavy. Where one of the larger ones vanishes, sigma_min, which is smaller on both sides, falls
+    to zero only in a narrow valley.
+
+    With X = L J* R, the means of X X^T and of X^T X over random postures become the identity:
+    operator scaling by alternating normalisation, Gurvits, J. Comput. Syst. Sci. 69, 448-484
+    (2004), DOI 10.1016/j.jcss.2004.06.003.
+
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+    """
+    k, n = arm.task.k, arm.n
+    if k != n:
+        return None
+    unit, rng = joint_scales(arm), np.random.default_rng(0)
+    Q = unit * rng.uniform(-np.pi, np.pi, (SAMPLES, n))
+    J = np.array([task_jacobian(arm.at(q), mode=mode) for q in Q]) * unit
+    rounding = ROUNDED * float((J * J).mean())
+    if not rounding:
+        return None
+    left, right = np.eye(k), np.eye(n)
+    for _ in range(ALTERNATIONS):
+        X = left @ J @ right
+        noise = rounding * (right * right).sum() * left @ left.T
+        left = _inverse_root((X @ X.swapaxes(1, 2)).mean(axis=0) + noise) @ left
+        X = left @ J @ right
+        noise = rounding * (left * left).sum() * right.T @ right
+        right = right @ _inverse_root((X.swapaxes(1, 2) @ X).mean(axis=0) + noise)
+    spread = np.linalg.cond(left) * np.linalg.cond(right)
+    return Scaling(left, right) if spread > WELL_SCALED else None
+
+
+def _inverse_root(A: Array) -> Array:
+    """Return A^(-1/2) of a symmetric positive definite matrix."""
+    values, vectors = np.linalg.eigh(A)
+    values = np.maximum(values, np.finfo(float).eps * values[-1])
+    return np.asarray(vectors / np.sqrt(values) @ vectors.T)
 
 
 def seconds_of_linearising(arm: SpaceArm, mode: BaseMode, many: int) -> float:

@@ -8,6 +8,10 @@ as differences, or by shorter steps towards T(x) where that is no nearer.
 
 Arms that are not compiled get fewer starts and steps, and none of Newton's method (`effort_of`).
 
+Where singular values of J* differ by orders of magnitude everywhere, the others reach zero in
+valleys of sigma_min that are too narrow to be found. Such arms are searched once more with J*
+scaled, which widens the valleys (`mechanics.distance.scaling_of`).
+
 Starts are random offsets, the configuration itself, the end of a descent along the gradient from it
 and, where J* has one minor S, the roots of S along lines through it. So what is found is never
 farther than that descent reaches.
@@ -32,7 +36,15 @@ import scipy
 from spacearm.arrays import Array, Booleans, Progress, uniform_in_ball
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.arm_kernels import KEPT_ARMS
-from spacearm.mechanics.distance import Linearisation, linearise, project, seconds_of_linearising
+from spacearm.mechanics.distance import (
+    Linearisation,
+    Scaling,
+    linearise,
+    project,
+    scaling_of,
+    seconds_of_linearising,
+)
+from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales
@@ -43,6 +55,7 @@ from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.tubes import ROUNDING, Tubes, deviations, foot
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.singularities.immaterial_masses import payload_note
+from spacearm.singularities.polynomials import roots_on_lines
 from spacearm.singularities.rounding import error_bars
 
 #: Share of the distance found up to which it is proven that none is nearer, by one minor and by
@@ -95,8 +108,6 @@ MOST_SETTLED, LINEARISED = 2000, 100
 THERE, FAR = 1e-8, 10.0
 #: Farther from the set than this no end is singular, whatever rounding does to sigma_min [rad].
 NEARLY = 1e-3
-#: Points of a line on which sign changes of S are looked for, from -pi to pi.
-LINE = np.linspace(-np.pi, np.pi, 129)
 #: Radius of the ball in which it is proven that none is, where the search finds none [rad].
 WITHOUT = 1.0
 #: Offsets that come nearer by less than this are at rest [rad].
@@ -249,7 +260,7 @@ def search_and_proof(
         return True
 
     for x in places:
-        while is_nearer(x, about(x).nearest(_on_lines(arm, mode, minors, unit * x))):
+        while is_nearer(x, about(x).nearest(roots_on_lines(arm, mode, minors, unit * x))):
             if np.array_equal(x, start):
                 break
             x = start
@@ -279,35 +290,6 @@ def search_and_proof(
     proven = min(proven, distance)
     found = NearestSingular(arm, mode, unit * start, limits, unit * best, distance, proven)
     return found, proven
-
-
-def _on_lines(arm: SpaceArm, mode: BaseMode, minors: Sequence[Jets], q: Array) -> Array:
-    """Return the offsets (m, n) from q (n,) of roots of S on lines through it; none without S.
-
-    The lines are those along each joint and along the gradient of sigma_min.
-    """
-    unit = joint_scales(arm)
-    found = [np.empty((0, arm.n))]
-    if len(minors) != 1:
-        return found[0]
-    (S,) = minors
-    angles = S.chart.angles(q)
-    for j in np.flatnonzero(S.polynomial.degrees) if np.isfinite(angles).all() else ():
-        roots = S.polynomial.roots_along(angles[None], int(j))[0]
-        at = np.tile(angles, (len(roots), 1))
-        at[:, j] = roots
-        offset = (S.chart.positions(at) - q) / unit
-        if not arm.slides[j]:
-            offset[:, j] = np.angle(np.exp(1j * offset[:, j]))
-        found.append(offset[np.isfinite(roots)])
-    way = linearise(arm, q[None], mode).rows[0, 0]
-    line = LINE[:, None] * way
-    value = S(q + unit * line).value
-    (before,) = np.nonzero(np.sign(value[1:]) != np.sign(value[:-1]))
-    share = value[before] / (value[before] - value[before + 1])
-    found.append(line[before] + share[:, None] * (line[before + 1] - line[before]))
-    offsets = np.concatenate(found)
-    return offsets[np.isfinite(offsets).all(axis=1)]
 
 
 def _lookouts(arm: SpaceArm, mode: BaseMode, points: Array) -> list[Array]:
@@ -462,19 +444,22 @@ class SearchEffort:
         ends: Ends that are moved along the set.
         settling: Steps along the set.
         newton: Whether Newton's method is used, which linearises the set 2 n times for each step.
+        scaled: Whether all is done once more with J* scaled.
     """
 
     starts: tuple[int, int] = STARTS
     ends: int = ENDS
     settling: int = SETTLING
     newton: bool = True
+    scaled: bool = False
 
     def linearised(self, n: int) -> int:
         """Return how often a search linearises the set of n joints if no end rests early."""
         after = max(self.settling - PRUNED_AFTER - 1, 0)
         moves = (self.settling - after) * self.ends + after * min(PRUNED, self.ends)
         each = 2 * n * self.newton + 1 + (BACK + 1) * (1 + len(SHARES))
-        return (STEPS + LANDING + 2) * sum(self.starts) + moves * each + 3 * self.ends
+        once = (STEPS + LANDING + 2) * sum(self.starts) + moves * each + 3 * self.ends
+        return (1 + self.scaled) * once
 
 
 @lru_cache(maxsize=KEPT_ARMS)
@@ -482,7 +467,7 @@ def effort_of(arm: SpaceArm, mode: BaseMode, expected: int, searches: int) -> Se
     """Return the effort of each of some searches: all, or what takes `PATIENCE` uncompiled."""
     seconds = searches * seconds_of_linearising(arm, mode, expected)
     if not seconds:
-        return SearchEffort()
+        return SearchEffort(scaled=scaling_of(arm, mode) is not None)
     share = min(1.0, PATIENCE / seconds / SearchEffort(newton=False).linearised(arm.n))
     first, second = (max(2, round(share * m)) for m in STARTS)
     ends, settling = max(1, round(share * ENDS)), max(3, round(share**0.5 * SETTLING))
@@ -502,6 +487,7 @@ class NearestSearch:
         expected: How many configurations the set is linearised at in all, about.
         linearised: Told at how many it has just been.
         searches: As of `effort_of`.
+        scaling: What J* is multiplied by; nothing if None.
     """
 
     arm: SpaceArm
@@ -512,6 +498,7 @@ class NearestSearch:
     expected: int = LINEARISED
     linearised: Callable[[int], object] = bool
     searches: int = 1
+    scaling: Scaling | None = None
 
     @property
     def effort(self) -> SearchEffort:
@@ -522,7 +509,7 @@ class NearestSearch:
         """Linearise the set at offsets (m, n), or at m k of them, k in a row from each of Q."""
         start = self.Q if len(self.Q) == 1 else self.Q.repeat(len(X) // len(self.Q), axis=0)
         Q = start + joint_scales(self.arm) * X
-        found = linearise(self.arm, Q, self.mode, expected=self.expected)
+        found = linearise(self.arm, Q, self.mode, expected=self.expected, scaling=self.scaling)
         self.linearised(len(X))
         return found
 
@@ -540,6 +527,15 @@ class NearestSearch:
         Args:
             beside: (m, n) starts besides random ones and the descent along the gradient.
         """
+        found = self._ends(beside)
+        if self.effort.scaled:
+            scaled = replace(self, scaling=scaling_of(self.arm, self.mode))
+            found = np.concatenate((found, scaled._ends(beside)))
+            found = found[np.argsort(np.linalg.norm(found, axis=1))]
+        return found
+
+    def _ends(self, beside: Array | None) -> Array:
+        """Return the offsets (m, n) of `ends`, from one scaling of J*."""
         rng, reach, n = np.random.default_rng(0), REACH, self.arm.n
         ends = [self.onto(np.zeros((1, n)), DESCENT)]
         for m in self.effort.starts:
@@ -629,13 +625,15 @@ class NearestSearch:
 
     def on_set(self, X: Array) -> Booleans:
         """Tell which offsets (m, n) are singular, those included that are within rounding."""
-        distance, sigma, _ = self.linearise(X)
+        distance = self.linearise(X).distance
         there = distance <= THERE
         unit = joint_scales(self.arm)
         start = np.broadcast_to(self.Q, (len(X), self.arm.n))
         for i in np.flatnonzero(~there & (distance <= NEARLY)):
-            bound = error_bars(self.arm.at(start[i] + unit * X[i]), mode=self.mode).sigma
-            there[i] = sigma[i] <= bound * unit.max()
+            cfg = self.arm.at(start[i] + unit * X[i])
+            J = task_jacobian(cfg, mode=self.mode)
+            sigma = np.linalg.svd(J * unit, compute_uv=False)[-1]
+            there[i] = sigma <= error_bars(cfg, mode=self.mode).sigma * unit.max()
         return there
 
     def rested(self, X: Array) -> Array:

@@ -32,10 +32,11 @@ from spacearm.arrays import Array, Integers
 from spacearm.errors import UnsupportedError, listed
 from spacearm.mechanics import batch
 from spacearm.mechanics.batch import tips_from_centre
-from spacearm.mechanics.distance import is_singular, lose_rank
+from spacearm.mechanics.distance import is_singular, linearise, lose_rank
 from spacearm.mechanics.jacobian import plane_of_motion, probes, task_jacobian
 from spacearm.model.arguments import BaseMode, require_possible
 from spacearm.model.arm import SpaceArm
+from spacearm.model.joints import joint_scales
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle, eliminate, find_triangle, share_root
 from spacearm.polynomial.trig import NotPolynomialError, Sampler, TrigPolynomial, degrees_of
@@ -653,3 +654,42 @@ def _given(triangle: Triangle, angles: Array) -> bool:
         np.abs(f.along(angles[None], (j,))).max() > VANISHES * f.scale
         for f, j in zip(triangle.polynomials[1:], triangle.joints[1:], strict=True)
     )
+
+
+#: Points of a line on which sign changes of S are looked for, from -pi to pi.
+LINE = np.linspace(-np.pi, np.pi, 129)
+
+
+def roots_on_lines(arm: SpaceArm, mode: BaseMode, minors: Sequence[Jets], q: Array) -> Array:
+    """Return the offsets (m, n) from q (n,) of roots of S on lines through it; none without S.
+
+    The lines are those along each joint and along the gradient of sigma_min.
+
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+        minors: The minors of J*.
+        q: (n,) the configuration.
+    """
+    unit = joint_scales(arm)
+    found = [np.empty((0, arm.n))]
+    if len(minors) != 1:
+        return found[0]
+    (S,) = minors
+    angles = S.chart.angles(q)
+    for j in np.flatnonzero(S.polynomial.degrees) if np.isfinite(angles).all() else ():
+        roots = S.polynomial.roots_along(angles[None], int(j))[0]
+        at = np.tile(angles, (len(roots), 1))
+        at[:, j] = roots
+        offset = (S.chart.positions(at) - q) / unit
+        if not arm.slides[j]:
+            offset[:, j] = np.angle(np.exp(1j * offset[:, j]))
+        found.append(offset[np.isfinite(roots)])
+    way = linearise(arm, q[None], mode).rows[0, 0]
+    line = LINE[:, None] * way
+    value = S(q + unit * line).value
+    (before,) = np.nonzero(np.sign(value[1:]) != np.sign(value[:-1]))
+    share = value[before] / (value[before] - value[before + 1])
+    found.append(line[before] + share[:, None] * (line[before + 1] - line[before]))
+    offsets = np.concatenate(found)
+    return offsets[np.isfinite(offsets).all(axis=1)]

@@ -1,34 +1,42 @@
 """Compare nearest singular postures of arms of special build with those of an independent search.
 
     python tests/tools/special_arms.py 500
-    python tests/tools/special_arms.py 500 --seed 7 --workers 2 --postures 3
+    python tests/tools/special_arms.py 500 --seed 7 --workers 2 --postures 3 --log arms.jsonl
 
-Arms have 2 to 7 joints with parallel, crossing and coincident axes, offsets that are zero or tiny,
-links of 10 g to 100 kg and spacecraft of 1 kg to 100 t, and any task that they can do. The judge
-shares nothing with the package: it has its own J*, in NumPy, from the numbers that the description
-is written from. It looks for sign changes of det(J*) and for least values of sigma_min along lines
-through the posture, and goes from there along the singular set to the nearest point.
+Arms of even seeds have 2 to 7 joints, with parallel, crossing and coincident axes, offsets that are
+zero or tiny, links of 10 g to 100 kg, spacecraft of 1 kg to 100 t, and any task that they can do.
+Arms of odd seeds are redundant, of 3 to 8 joints: planar ones, ones with spherical shoulders and
+wrists, and others. The base floats or its attitude is controlled. In about a third of the cases
+only postures within the joint limits are searched. The other search, `independent_search` in
+tests/helpers, computes its own J*, in NumPy, from the numbers that the URDF file is written from.
 
-Listed are postures where `sa.singularity(..., exact=True)` finds none and the judge does, where it
-finds one that is more than 1 % farther, or one that the judge does not confirm as singular. If
-there are any, the script ends with status 1.
+Contradictions are postures where the package finds none and the other search does, where it finds
+one that is farther, or one that is not singular, or proves a distance that is too long; where it
+says kinematic of a dynamic singularity or the other way round, or finds a task impossible that is
+not. Each is listed, and one ends the script with status 1. With a log, a run that was stopped is
+continued.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+import warnings
+from collections import Counter
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from helpers.arms import chosen, frame, joint, link, load_text, robot
+from helpers.arms import chosen
+from helpers.independent_search import IndependentSearch
+from helpers.numeric_arm import Mode, NumericArm
 
 import spacearm as sa
 
@@ -40,127 +48,30 @@ TASKS: dict[int, tuple[str, ...]] = {
     5: ("x y z rx ry", "x y rx ry rz"),
     6: ("pose",),
 }
-"""Tasks by their number of rows."""
-ROWS = ("x", "y", "z", "rx", "ry", "rz")
-SLOPES = (1e-7, 0.03)
-"""Shares of the largest slope up to which others are none, in turn: some vanish on the set."""
+"""Tasks by their number of components."""
+PLANAR = {1: ("x", "rz"), 2: ("x y", "x rz"), 3: ("x y rz",)}
+"""Tasks of arms whose axes are parallel to z."""
 POSSIBLE = 1e-11
 """Share of sigma_max that sigma_min is at least at some postures where a task is possible."""
-FARTHER = 0.01
-"""Share by which a posture found may be farther than the judge's."""
-LANDED = 1e-12
-"""Share of the largest norm of J* up to which sigma_min is zero."""
+FARTHER = 1e-4
+"""Share by which a posture found may be farther than that of the other search, whose sigma_min is
+zero only within rounding: where slopes vanish too, the posture is known to fewer digits."""
+NEAR, APART = 1e-6, 1e-3
+"""Distances to a set, to first order, up to which a posture is on it and from which it is not."""
+EYE = np.eye(3)
 
 
-@dataclass(frozen=True)
-class Build:
-    """The numbers of a free-floating serial arm, link 0 is the spacecraft.
-
-    Attributes:
-        mass: (n + 1,) masses [kg].
-        com: (n + 1, 3) centres of mass in the links' frames [m].
-        inertia: (n + 1, 3, 3) inertias about them [kg m^2].
-        place: (n, 3) where joint i is in the frame of link i [m].
-        axis: (n, 3) unit axes.
-        tip: (3,) the tip in the last link's frame [m].
-        task: The task.
-    """
-
-    mass: np.ndarray
-    com: np.ndarray
-    inertia: np.ndarray
-    place: np.ndarray
-    axis: np.ndarray
-    tip: np.ndarray
-    task: str
-
-    @property
-    def n(self) -> int:
-        """Number of joints."""
-        return len(self.axis)
-
-    def loaded(self) -> sa.SpaceArm:
-        """Return the arm as the package reads it."""
-        names = ["bus", *(f"link_{i}" for i in range(1, self.n + 1))]
-        elements = [
-            link(name, repr(float(self.mass[i])), self.com[i], self.inertia[i])
-            for i, name in enumerate(names)
-        ]
-        elements += [
-            joint(f"j{i + 1}", names[i], names[i + 1], xyz=self.place[i], axis=self.axis[i])
-            for i in range(self.n)
-        ]
-        elements += [frame("tip"), joint("end", names[-1], "tip", "fixed", xyz=self.tip)]
-        return load_text(robot(*elements), tip="tip", task=sa.Task(self.task, length=self.length))
-
-    @property
-    def rows(self) -> list[int]:
-        """Rows of the twist that the task counts."""
-        words = self.task.replace("pose", "x y z rx ry rz").replace("position", "x y z")
-        return [ROWS.index(word) for word in words.replace("orientation", "rx ry rz").split()]
-
-    @property
-    def length(self) -> float | None:
-        """What divides the linear rows of a mixed task [m]; None of others."""
-        mixed = min(self.rows) < 3 <= max(self.rows)
-        return 1.0 if mixed else None
-
-    def jacobians(self, Q: np.ndarray) -> np.ndarray:
-        """Compute J* (m, k, n) at Q (m, n): zero momentum, spacecraft axes.
-
-        The joints move the links with the spacecraft held; then everything is shifted and turned
-        so that the momentum is zero.
-        """
-        m, n = Q.shape
-        R, r = np.tile(np.eye(3), (m, 1, 1)), np.zeros((m, 3))
-        axes, hinges = np.empty((2, m, n, 3))
-        turns, centres = np.empty((n + 1, m, 3, 3)), np.empty((n + 1, m, 3))
-        turns[0], centres[0] = R, self.com[0]
-        for i in range(n):
-            r = r + R @ self.place[i]
-            axes[:, i], hinges[:, i] = R @ self.axis[i], r
-            R = R @ rotations(self.axis[i], Q[:, i])
-            turns[i + 1], centres[i + 1] = R, r + R @ self.com[i + 1]
-        tip = r + R @ self.tip
-        total = self.mass.sum()
-        middle = np.tensordot(self.mass, centres, axes=1) / total
-        D, H, P = np.zeros((m, 3, 3)), np.zeros((m, 3, n)), np.zeros((m, 3, n))
-        for b in range(n + 1):
-            I = turns[b] @ self.inertia[b] @ turns[b].swapaxes(1, 2)
-            arm = centres[b] - middle
-            square = (arm * arm).sum(axis=1)[:, None, None] * np.eye(3)
-            D += I + self.mass[b] * (square - arm[:, :, None] * arm[:, None, :])
-            for i in range(b):
-                v = np.cross(axes[:, i], centres[b] - hinges[:, i])
-                P[:, :, i] += self.mass[b] * v
-                H[:, :, i] += (I @ axes[:, i, :, None])[..., 0] + self.mass[b] * np.cross(arm, v)
-        w = -np.linalg.solve(D, H)
-        lever = tip - middle
-        linear = np.cross(axes, tip[:, None] - hinges).swapaxes(1, 2) - P / total
-        linear = linear + np.cross(w, lever[:, :, None], axis=1)
-        J = np.concatenate((linear / (self.length or 1.0), axes.swapaxes(1, 2) + w), axis=1)
-        return J[:, self.rows]
-
-
-def rotations(axis: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Return the rotations (m, 3, 3) about an axis, by Rodrigues' formula."""
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    s, c = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
-    return np.eye(3) + s * K + (1.0 - c) * (K @ K)
-
-
-def special_build(rng: np.random.Generator) -> Build:
+def special_arm(rng: np.random.Generator) -> NumericArm:
     """Draw an arm whose axes are parallel, crossing or coincident more often than not."""
     n = int(rng.choice((2, 3, 4, 5, 6, 7), p=(0.15, 0.25, 0.2, 0.15, 0.15, 0.1)))
     k = n if rng.uniform() < 0.65 else int(rng.integers(1, n + 1))
     axis = np.empty((n, 3))
-    place, com = np.empty((n, 3)), np.zeros((n + 1, 3))
-    before = np.eye(3)[rng.integers(3)]
+    place = np.empty((n, 3))
+    before = EYE[rng.integers(3)]
     flat = rng.uniform() < 0.2
     for i in range(n):
         parallel = flat or rng.uniform() < 0.45
-        axis[i] = before if parallel else np.eye(3)[rng.integers(3)]
+        axis[i] = before if parallel else EYE[rng.integers(3)]
         if not flat and rng.uniform() < 0.08:
             axis[i] = rng.normal(size=3)
             axis[i] /= np.linalg.norm(axis[i])
@@ -169,230 +80,284 @@ def special_build(rng: np.random.Generator) -> Build:
             np.zeros(3),
             size * before,
             size * axis[i],
-            size * np.eye(3)[rng.integers(3)],
-            1e-3 * np.eye(3)[rng.integers(3)],
+            size * EYE[rng.integers(3)],
+            1e-3 * EYE[rng.integers(3)],
             size * rng.normal(size=3),
         )
         place[i] = kinds[int(rng.choice(6, p=(0.25, 0.15, 0.1, 0.3, 0.05, 0.15)))]
         before = axis[i]
-    tip = np.eye(3)[rng.integers(3)] * float(rng.choice((0.0, 0.1, 1.0), p=(0.1, 0.2, 0.7)))
+    tip = EYE[rng.integers(3)] * float(rng.choice((0.0, 0.1, 1.0), p=(0.1, 0.2, 0.7)))
+    return with_task(rng, with_bodies(rng, axis, place, tip), k, TASKS)
+
+
+def redundant_arm(rng: np.random.Generator) -> NumericArm:
+    """Draw an arm of more joints than task components: planar, with spherical joints, or any."""
+    kind = rng.choice(("planar", "spherical", "any"), p=(0.3, 0.35, 0.35))
+    if kind == "planar":
+        n = int(rng.integers(3, 6))
+        axis, place = np.tile(EYE[2], (n, 1)), np.zeros((n, 3))
+        place[:, 0] = rng.choice((0.0, 0.3, 1.0, 2.0), n, p=(0.15, 0.3, 0.4, 0.15))
+        tip = EYE[0] * float(rng.choice((0.1, 1.0)))
+        least = min(n - 1, 3)
+        return with_task(rng, with_bodies(rng, axis, place, tip), least, PLANAR)
+    n = int(rng.integers(4, 9))
+    numbers = rng.integers(3, size=n)
+    for i in range(1, n):  # neighbours cross rather than being parallel
+        if numbers[i] == numbers[i - 1] and rng.uniform() < 0.7:
+            numbers[i] = (numbers[i] + rng.integers(1, 3)) % 3
+    axis = EYE[numbers]
+    size = rng.choice((0.3, 1.0, 3.0), n)
+    if kind == "spherical":  # links between some of the joints alone
+        long = rng.uniform(size=n) < 0.35
+        place = np.where(long[:, None], size[:, None] * axis, 0.0)
+    else:
+        some = rng.choice(4, n, p=(0.3, 0.4, 0.1, 0.2))
+        ways = np.stack((np.zeros((n, 3)), EYE[rng.integers(3, size=n)], 1e-3 * axis, axis), axis=1)
+        place = size[:, None] * ways[np.arange(n), some]
+    tip = EYE[rng.integers(3)] * float(rng.choice((0.0, 0.1, 1.0), p=(0.1, 0.2, 0.7)))
+    k = min(n - 1, int(rng.choice((1, 2, 3, 4, 5, 6), p=(0.05, 0.1, 0.25, 0.1, 0.15, 0.35))))
+    return with_task(rng, with_bodies(rng, axis, place, tip), k, TASKS)
+
+
+def with_bodies(
+    rng: np.random.Generator, axis: np.ndarray, place: np.ndarray, tip: np.ndarray
+) -> NumericArm:
+    """Draw the masses of an arm, which has no task yet."""
+    n = len(axis)
     mass = np.append(10.0 ** rng.uniform(0.0, 5.0), 10.0 ** rng.uniform(-2.0, 2.0, n))
     ends = np.vstack((place[1:], tip))
-    inertia = np.empty((n + 1, 3, 3))
+    com, inertia = np.zeros((n + 1, 3)), np.empty((n + 1, 3, 3))
     width = float(rng.choice((0.3, 1.0, 3.0)))
-    inertia[0] = mass[0] / 6.0 * width**2 * np.eye(3)
+    inertia[0] = mass[0] / 6.0 * width**2 * EYE
     for i in range(n):
         com[i + 1] = float(rng.choice((0.0, 0.5))) * ends[i]
         if rng.uniform() < 0.2:
             com[i + 1] += 0.2 * rng.normal(size=3)
-        long = ends[i] @ ends[i] * np.eye(3) - np.outer(ends[i], ends[i])
+        long = ends[i] @ ends[i] * EYE - np.outer(ends[i], ends[i])
         radius = float(rng.choice((0.02, 0.2)))
-        inertia[i + 1] = mass[i + 1] * (long / 12.0 + 0.4 * radius**2 * np.eye(3))
+        inertia[i + 1] = mass[i + 1] * (long / 12.0 + 0.4 * radius**2 * EYE)
+    limit = np.full(n, 3.0)
+    return NumericArm(mass, com, inertia, place, axis, tip, "", -limit, limit)
+
+
+def with_task(
+    rng: np.random.Generator, arm: NumericArm, k: int, tasks: dict[int, tuple[str, ...]]
+) -> NumericArm:
+    """Draw a task of k components, or fewer where the arm can do no such task."""
     for rows in (k, k, k, k - 1, k - 1, *range(k - 2, 0, -1)):
-        task = str(rng.choice(TASKS[min(max(rows, 1), 6)]))
-        build = Build(mass, com, inertia, place, axis, tip, task)
-        sigma = np.linalg.svd(build.jacobians(rng.uniform(-3, 3, (8, n))), compute_uv=False)
+        arm = replace(arm, task=str(rng.choice(tasks[min(max(rows, 1), max(tasks))])))
+        sigma = np.linalg.svd(arm.jacobians(rng.uniform(-3, 3, (8, arm.n))), compute_uv=False)
         if (sigma[:, -1] > POSSIBLE * sigma[:, 0]).any():
             break
-    return build
+    return arm
 
 
-class Judge:
-    """The search for the nearest singular posture that shares nothing with the package.
+def arm_of(seed: int, rng: np.random.Generator) -> NumericArm:
+    """Draw the arm of a seed, with joint limits about any posture."""
+    arm = redundant_arm(rng) if seed % 2 else special_arm(rng)
+    middle, half = rng.uniform(-1.5, 1.5, arm.n), rng.uniform(0.2, 1.5, arm.n)
+    return replace(arm, lower=middle - half, upper=middle + half)
 
-    Args:
-        build: The arm.
-        q: (n,) the posture.
-        rng: Draws the lines.
+
+@dataclass(frozen=True)
+class Case:
+    """One posture, and the nearest singular ones that both searches found.
+
+    Attributes:
+        seed: Seed of the arm.
+        joints: Number of its joints.
+        rows: Number of its task's components.
+        task: Its task.
+        mode: What the spacecraft does.
+        limits: Whether joint limits count.
+        q: The posture.
+        found: Distance found by the package [rad]; inf if it found none.
+        other: Distance found by the other search [rad]; inf if it found none.
+        certified: Distance within which the package proves that none is [rad].
+        estimate: Distance to first order [rad].
+        faults: What is wrong with the posture found.
+        verdict: What the package says.
     """
 
-    lines, points, starts, steps, landing = 100, 65, 48, 26, 10
-
-    def __init__(self, build: Build, q: np.ndarray, rng: np.random.Generator) -> None:
-        self.build, self.q, self.rng = build, q, rng
-        self.k = len(build.rows)
-        anywhere = build.jacobians(rng.uniform(-np.pi, np.pi, (16, build.n)))
-        self.size = float(np.linalg.norm(anywhere, axis=(1, 2)).max())
-
-    def linearised(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return values (m, r) that vanish together on the set and their slopes (m, r, n).
-
-        They are the entries of u^T J [v, null space], with u and v those of the least singular
-        value where they are computed, so that all but the first are zero there. Slopes are central
-        differences.
-        """
-        m, n = X.shape
-        h = 1e-6
-        nudged = X[:, None] + h * np.concatenate((np.zeros((1, n)), np.eye(n), -np.eye(n)))
-        J = self.build.jacobians((self.q + nudged).reshape(-1, n)).reshape(m, 2 * n + 1, self.k, n)
-        U, sigma, VT = np.linalg.svd(J[:, 0])
-        u, V = U[:, :, -1], VT[:, self.k - 1 :]
-        dJ = (J[:, 1 : n + 1] - J[:, n + 1 :]) / (2.0 * h)
-        slopes = np.einsum("ma,mjab,mrb->mrj", u, dJ, V)
-        values = np.zeros(slopes.shape[:2])
-        values[:, 0] = sigma[:, -1]
-        return values, slopes
-
-    def sigma(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return sigma_min (m,), and det(J*) of square arms; else ones."""
-        J = self.build.jacobians(self.q + X)
-        det = np.linalg.det(J) if self.k == self.build.n else np.ones(len(X))
-        return np.linalg.svd(J, compute_uv=False)[:, -1], det
-
-    def crossings(self, reach: float) -> np.ndarray:
-        """Return where det(J*) changes its sign along lines, and where sigma_min is least."""
-        n = self.build.n
-        ways = self.rng.normal(size=(self.lines, n))
-        ways /= np.linalg.norm(ways, axis=1)[:, None]
-        _, slopes = self.linearised(np.zeros((1, n)))
-        g = slopes[0, 0]
-        if np.linalg.norm(g) > 0.0:
-            ways = np.vstack((ways, g / np.linalg.norm(g)))
-        ways = np.vstack((ways, np.eye(n)))
-        s = np.linspace(-reach, reach, 2 * self.points - 1)
-        X = ways[:, None] * s[:, None]
-        sigma, det = (x.reshape(len(ways), -1) for x in self.sigma(X.reshape(-1, n)))
-        found = []
-        for i, j in zip(*np.nonzero(np.sign(det[:, 1:]) != np.sign(det[:, :-1])), strict=True):
-            share = abs(det[i, j]) / max(abs(det[i, j]) + abs(det[i, j + 1]), 1e-300)
-            found.append(ways[i] * (s[j] + share * (s[j + 1] - s[j])))
-        least = (sigma[:, 1:-1] <= sigma[:, :-2]) & (sigma[:, 1:-1] <= sigma[:, 2:])
-        found += [ways[i] * s[j + 1] for i, j in zip(*np.nonzero(least), strict=True)]
-        starts = np.array(found).reshape(-1, n)
-        return starts[np.argsort(np.linalg.norm(starts, axis=1))][: self.starts]
-
-    def nearest(self) -> tuple[float, np.ndarray]:
-        """Return the distance of the nearest singular posture found, and its offset; inf if none.
-
-        The offsets of the lines go to the nearest point of the set linearised where they are, by
-        steps that grow shorter where they do not come to rest; then onto the set.
-        """
-        n = self.build.n
-        best, where = np.inf, np.zeros(n)
-        for reach in (0.1, 0.5, 1.5, 3.0):
-            for share in SLOPES[: 1 if self.k == n else None]:
-                X = self.crossings(min(reach, 1.05 * best))
-                for x in self.visited(X, share):
-                    distance = float(np.linalg.norm(x))
-                    if distance < best:
-                        best, where = distance, x
-            if best < reach:
-                break
-        return best, where
-
-    def visited(self, X: np.ndarray, share: float) -> np.ndarray:
-        """Return what is singular of the offsets that descents from X (m, n) pass.
-
-        Args:
-            X: The starts.
-            share: Slopes that are a smaller share of the largest one are not equations.
-        """
-        found = [np.empty((0, X.shape[1]))]
-        longest, before = np.full(len(X), 0.3), np.zeros_like(X)
-        for step in range(self.steps + self.landing if len(X) else 0):
-            values, slopes = self.linearised(X)
-            wanted = -values
-            if step < self.steps:
-                wanted = wanted + np.einsum("mrn,mn->mr", slopes, X)
-            way = (np.linalg.pinv(slopes, rcond=share) @ wanted[:, :, None])[..., 0]
-            if step < self.steps:
-                way = way - X
-            size = np.linalg.norm(way, axis=1)
-            turned = (way * before).sum(axis=1) < 0.0
-            longest = np.where(turned, 0.6 * longest, 1.05 * longest)
-            X = X + way * np.minimum(1.0, longest / np.maximum(size, 1e-300))[:, None]
-            before = way
-            if step % 4 == 3:
-                found.append(X[self.on_set(X)])
-        return np.concatenate(found)
-
-    def on_set(self, X: np.ndarray) -> np.ndarray:
-        """Tell at which offsets (m, n) sigma_min is zero within rounding."""
-        J = self.build.jacobians(self.q + X)
-        return np.linalg.svd(J, compute_uv=False)[:, -1] <= LANDED * self.size
-
-
-class Case(NamedTuple):
-    """What came of one posture."""
-
     seed: int
+    joints: int
+    rows: int
     task: str
-    n: int
-    q: np.ndarray
-    found: float | None
-    judged: float
-    proven: float
-    to_first_order: float
-    confirmed: bool
-    said: str
+    mode: Mode
+    limits: bool
+    q: tuple[float, ...]
+    found: float
+    other: float
+    certified: float
+    estimate: float
+    faults: tuple[str, ...]
+    verdict: str
 
     @property
-    def fault(self) -> str:
-        """What is wrong with what the package found; empty if nothing."""
-        if self.found is None:
-            return "none found" if np.isfinite(self.judged) else ""
-        if not self.confirmed:
-            return "not singular"
-        if self.proven > self.judged * (1.0 + 1e-6) + 1e-9:
-            return "false proof"
-        far = self.found > self.judged * (1.0 + FARTHER) + 1e-7
-        return "farther" if far else ""
+    def contradictions(self) -> tuple[str, ...]:
+        """What the other search contradicts; empty if nothing."""
+        told = list(self.faults)
+        if self.certified > self.other * (1.0 + FARTHER) + 1e-9:
+            told.append("false proof")
+        if np.isinf(self.found) and np.isfinite(self.other):
+            told.append("none found")
+        elif self.found > self.other * (1.0 + FARTHER) + 1e-7:
+            told.append("farther")
+        return tuple(told)
+
+    def __str__(self) -> str:
+        limits = ", within limits" * self.limits
+        return (
+            f"arm {self.seed} ({self.joints} joints, {self.task}, {self.mode}{limits}): "
+            f"{', '.join(self.contradictions)}: found {self.found:.6g}, other search "
+            f"{self.other:.6g}, to first order {self.estimate:.3g}, certified "
+            f"{self.certified:.4g}: {self.verdict}"
+        )
 
 
-def judged(seed: int, postures: int) -> list[Case]:
-    """Compare the postures of one arm; an arm that can never do its task has none."""
+def compared(seed: int, postures: int) -> list[Case]:
+    """Compare the postures of one arm; an arm that can never do its task has none, or a fault."""
     rng = chosen(seed)
-    build = special_build(rng)
-    arm = build.loaded()
-    Q = rng.uniform(-np.pi, np.pi, (postures, build.n))
+    arm = arm_of(seed, rng)
+    loaded = arm.loaded()
+    warnings.simplefilter("ignore", sa.ModelWarning)  # postures outside the limits are meant
     cases = []
-    for q in Q:
-        report = sa.singularity(arm.at(q), exact=True)
+    for _ in range(postures):
+        mode: Mode = "free-floating" if rng.uniform() < 0.65 else "attitude-controlled"
+        limits = bool(rng.uniform() < 0.35)
+        q = rng.uniform(arm.lower, arm.upper) if limits else rng.uniform(-np.pi, np.pi, arm.n)
+        search = IndependentSearch(arm, q, rng, mode, limits)
+        report = sa.singularity(loaded.at(q), mode=mode)
         if report.impossible:
-            break
-        judge = Judge(build, q, rng)
-        distance, _ = judge.nearest()
-        found, confirmed = None, True
-        if report.nearest is not None:
-            found = report.distance
-            confirmed = bool(judge.on_set((report.nearest - q)[None])[0]) or found == 0.0
-        estimate = sa.singularity(arm.at(q)).distance
-        facts = found, distance, report.distance_proven, estimate, confirmed, report.verdict
-        cases.append(Case(seed, build.task, build.n, q, *facts))
+            if search.possible:
+                fault = ("possible after all",)
+                facts = np.inf, np.inf, 0.0, report.distance, fault, report.verdict
+                cases.append(Case(seed, *_about(search), *facts))
+            continue
+        cases.append(_case(seed, loaded, search, report))
     return cases
 
 
+def _case(
+    seed: int, loaded: sa.SpaceArm, search: IndependentSearch, estimate: sa.SingularityReport
+) -> Case:
+    """Compare one posture."""
+    q, mode, limits = search.q, search.mode, search.limits
+    found, certified, nearest = np.inf, 0.0, None
+    if limits:
+        try:
+            near = sa.singular_set(loaded, mode=mode).nearest(q, limits=True)
+        except sa.NoSolutionError as error:
+            verdict = str(error)
+        else:
+            nearest, found, certified = near.q, near.distance, near.distance_proven
+            verdict = near.describe().verdict
+    else:
+        report = sa.singularity(loaded.at(q), mode=mode, exact=True)
+        nearest, certified, verdict = report.nearest, report.distance_proven, report.verdict
+        found = np.inf if nearest is None else report.distance
+    faults = [] if nearest is None else list(_faults(loaded, search, nearest, found))
+    other, _ = search.nearest()
+    facts = found, other, certified, estimate.distance, tuple(faults), verdict
+    return Case(seed, *_about(search), *facts)
+
+
+def _about(search: IndependentSearch) -> tuple[int, int, str, Mode, bool, tuple[float, ...]]:
+    """Return the number of joints and components, the task, the mode, limits and the posture."""
+    arm, q = search.arm, tuple(search.q.tolist())
+    return arm.n, len(arm.rows), arm.task, search.mode, search.limits, q
+
+
+def _faults(
+    loaded: sa.SpaceArm, search: IndependentSearch, nearest: np.ndarray, found: float
+) -> Iterable[str]:
+    """Yield what is wrong with a singular posture that the package found."""
+    x, mode = nearest - search.q, search.mode
+    if abs(np.linalg.norm(x) - found) > 1e-9:
+        yield "another distance"
+    if (search.within(x) != x).any() and np.abs(search.within(x) - x).max() > 1e-9:
+        yield "outside its limits"
+    if distance_to_set(search, x) > NEAR:
+        yield "not singular"
+        return
+    report = sa.singularity(loaded.at(nearest), mode=mode)
+    away = distance_to_set(replace(search, mode="fixed"), x)
+    if report.kind == "regular":
+        yield "called regular"
+    elif report.kind == "dynamic" and away < NEAR:
+        yield "kinematic after all"
+    elif report.kind == "kinematic" and away > APART:
+        yield "dynamic after all"
+
+
+def distance_to_set(search: IndependentSearch, x: np.ndarray) -> float:
+    """Return how far the set is from an offset (n,); zero on it, inf if it is not reached."""
+    if search.on_set(x[None])[0]:
+        return 0.0
+    ends = replace(search, limits=False).landed(x[None])
+    return float(np.linalg.norm(ends - x, axis=1).min()) if len(ends) else np.inf
+
+
 def main() -> int:
-    """Compare many arms and list what is wrong."""
+    """Compare many arms and list the contradictions."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("arms", type=int)
     parser.add_argument("--seed", type=int, default=0, help="seed of the first arm")
-    parser.add_argument("--postures", type=int, default=3)
+    parser.add_argument("--postures", type=int, default=2)
     parser.add_argument("--workers", type=int, default=os.cpu_count())
-    args = parser.parse_args()
-    seeds = range(args.seed, args.seed + args.arms)
-    cases: list[Case] = []
-    arms = 0
-    with ProcessPoolExecutor(args.workers) as pool:
-        for some in pool.map(judged, seeds, [args.postures] * args.arms):
-            arms += bool(some)
-            cases += some
-            for case in some:
-                if case.fault:
-                    found = "none" if case.found is None else f"{case.found:.6g}"
-                    print(
-                        f"arm {case.seed} ({case.n} joints, {case.task}): {case.fault}: found "
-                        f"{found}, judged {case.judged:.6g}, to first order "
-                        f"{case.to_first_order:.3g}, proven {case.proven:.4g}: {case.said}",
-                        flush=True,
-                    )
-    wrong = sum(bool(case.fault) for case in cases)
-    nearer = sum(case.found is not None and case.found < 0.99 * case.judged for case in cases)
-    print(
-        f"{arms} arms that can do their task, {len(cases)} postures: {wrong} wrong; the judge "
-        f"found none as near in {nearer}"
+    parser.add_argument(
+        "--log", type=Path, help="file that the arms done are read from and added to"
     )
-    return int(wrong > 0)
+    args = parser.parse_args()
+    done = logged(args.log)
+    cases = [case for seed in sorted(done) for case in done[seed]]
+    seeds = [seed for seed in range(args.seed, args.seed + args.arms) if seed not in done]
+    with ProcessPoolExecutor(args.workers) as pool:
+        jobs = {pool.submit(compared, seed, args.postures): seed for seed in seeds}
+        for job in as_completed(jobs):
+            done[jobs[job]] = some = job.result()
+            cases += some
+            if args.log:
+                line = {"seed": jobs[job], "cases": [asdict(case) for case in some]}
+                with args.log.open("a", encoding="utf-8") as log:
+                    log.write(json.dumps(line) + "\n")
+            for case in some:
+                if case.contradictions:
+                    print(case, flush=True)
+    print(summary(done))
+    return int(any(case.contradictions for case in cases))
+
+
+def logged(log: Path | None) -> dict[int, list[Case]]:
+    """Return the cases of the arms in a log, by their seeds."""
+    if log is None or not log.exists():
+        return {}
+    lines = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
+    return {line["seed"]: [Case(**case) for case in line["cases"]] for line in lines}
+
+
+def summary(done: dict[int, list[Case]]) -> str:
+    """Say how many were compared, what was contradicted and which search found nearer ones."""
+    cases = [case for some in done.values() for case in some]
+    arms = sum(bool(some) for some in done.values())
+    counts = Counter(word for case in cases for word in case.contradictions)
+    wrong = sum(bool(case.contradictions) for case in cases)
+    listed = ", ".join(f"{word}: {count}" for word, count in counts.most_common())
+    both = [case for case in cases if np.isfinite(case.found) and np.isfinite(case.other)]
+    nearer = [case.found / case.other for case in both if "farther" in case.contradictions]
+    missed = [case for case in cases if case.found < case.other * (1.0 - FARTHER) - 1e-7]
+    neither = sum(np.isinf(case.found) and np.isinf(case.other) for case in cases)
+    distances = np.degrees([case.found for case in both])
+    redundant = sum(case.joints > case.rows for case in cases)
+    return (
+        f"{arms} arms, {len(cases)} postures ({redundant} of redundant arms, "
+        f"{sum(case.limits for case in cases)} within limits, "
+        f"{sum(case.mode != 'free-floating' for case in cases)} attitude-controlled): "
+        f"{wrong} contradictions{f' ({listed})' if listed else ''}; the other search found nearer "
+        f"ones in {len(nearer)}{f', the median {np.median(nearer):.4g} times' if nearer else ''}; "
+        f"the package in {len(missed)}; neither found one in {neither}; median distance "
+        f"{np.median(distances) if len(distances) else np.nan:.3g}°"
+    )
 
 
 if __name__ == "__main__":
