@@ -441,6 +441,8 @@ AT_A_ROOT = 1e-8
 RANK_STEPS = 60
 #: Longest step [rad, m].
 RANK_STRIDE = 0.3
+#: Distance to a singular configuration, to first order, from which each is searched alone [rad].
+NEAR_ENOUGH = 1e-6
 
 
 def lose_rank(
@@ -472,6 +474,30 @@ def lose_rank(
         found, before = near.sigma <= LOST * most, q
         q = q - min(float(near.distances[-1]), RANK_STRIDE) * near.rows[0]
     return None
+
+
+def led_near(arm: SpaceArm, Q: Array, mode: BaseMode, expected: int) -> Array:
+    """Lead configurations Q (m, n) near to singular ones, many at a time, where that is faster.
+
+    Args:
+        arm: The arm.
+        Q: Starts.
+        mode: What the spacecraft does.
+        expected: How many starts are led in all.
+    """
+    steps = expected * RANK_STEPS
+    if arm.n < arm.task.k or not worth_compiling(steps, SINGLY):
+        return Q
+    Q, going = Q.copy(), np.arange(len(Q))
+    for _ in range(RANK_STEPS):
+        seen = linearise(arm, Q[going], mode, expected=steps)
+        far = np.isfinite(seen.distance) & (seen.distance > NEAR_ENOUGH)
+        going = going[far]
+        if not len(going):
+            break
+        stride = np.minimum(seen.distance[far], RANK_STRIDE)[:, None]
+        Q[going] -= stride * seen.rows[far, 0] * joint_scales(arm)
+    return Q
 
 
 def is_singular(

@@ -36,6 +36,8 @@ SCALES = (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0)
 BINS = 18
 #: Samples drawn of an exact set, and of one whose every sample takes a search.
 MOST_SAMPLED, MOST_FOUND = 4000, 200
+#: Samples up to which each is drawn as a larger dot.
+FEW_SAMPLES = 1000
 
 
 @style.draws(size=(7.2, 6.0))
@@ -208,7 +210,8 @@ def _draw_samples(arm: SpaceArm, samples: Array, ax: Any) -> Any:
         axes.set(xlabel=labels[0], ylabel="samples")
         return axes
     i, j = max(combinations(range(arm.n), 2), key=lambda pair: _structure(shown[:, pair]))
-    axes.plot(shown[:, i], shown[:, j], ".", color=style.RED, ms=3, alpha=0.6)
+    size = 3.0 if len(samples) > FEW_SAMPLES else 7.0
+    axes.plot(shown[:, i], shown[:, j], ".", color=style.RED, ms=size, alpha=0.6, clip_on=False)
     if not arm.slides[[i, j]].any():
         _angle_axes(axes, (arm.joint_names[i], arm.joint_names[j]))
     axes.set(xlabel=labels[i], ylabel=labels[j])

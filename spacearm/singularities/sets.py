@@ -16,7 +16,7 @@ import numpy as np
 
 from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import NoSolutionError, UnsupportedError
-from spacearm.mechanics.distance import lose_rank
+from spacearm.mechanics.distance import led_near, lose_rank
 from spacearm.model.arguments import BaseMode, impossible, require_possible
 from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.certificate import Certificate
@@ -98,9 +98,11 @@ class FoundSet(SingularSet):
                     f"equations in {self.arm.n} joint positions",
                     found,
                 )
-            q, starts = lose_rank(self.arm, chart.draw(rng), self.mode), starts + 1
-            if q is not None:
-                found.append(q)
+            drawn = chart.draw(rng, min(m - len(found), EACH))
+            for start in led_near(self.arm, drawn, self.mode, m):
+                q, starts = lose_rank(self.arm, start, self.mode), starts + 1
+                if q is not None:
+                    found.append(q)
         return np.array(found).reshape(m, self.arm.n)
 
 

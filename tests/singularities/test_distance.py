@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from helpers.arms import joint, link, load_text, random_chain, robot, scaled, spherical
+from helpers.arms import chosen, joint, link, load_text, random_chain, robot, scaled, spherical
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
-from spacearm.mechanics.distance import linearise
+from spacearm.mechanics.distance import led_near, linearise, lose_rank
 from spacearm.model.joints import joint_scales
 
 SQUARE = ("planar2", "planar3", "mda6", "ets7")
@@ -292,3 +292,17 @@ def test_a_sliding_joint_counts_by_its_travel_or_the_length_of_the_arm():
     assert joint_scales(arm(limited(1000.0))) == pytest.approx([3.0, 1.0])
     report = sa.singularity(arm(limited(1.0)).at([0.2, 0.3]))
     assert report.radian == pytest.approx([1 / (2 * np.pi), 1.0])
+
+
+def test_starts_led_together_end_next_to_singular_postures():
+    """Those that are led one by one from there need a step or two, to all digits."""
+    arm = sa.load("planar3", task="x y")
+    starts = chosen(4).uniform(-np.pi, np.pi, (40, arm.n))
+    near = led_near(arm, starts, "free-floating", 10_000)
+    searched = [lose_rank(arm, q, "free-floating") for q in near]
+    moved = np.array(
+        [np.abs(q - at).max() for q, at in zip(near, searched, strict=True) if at is not None]
+    )
+    assert len(moved) >= 30
+    assert np.median(moved) < 1e-5
+    assert np.abs(near - starts).max() > 0.1
