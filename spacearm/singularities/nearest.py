@@ -202,8 +202,10 @@ def nearest_singular(
     """
     near, proven = search_and_proof(arm, mode, way, limits, minors, progress)
     if near is None:
-        within = f"; none is within {angle(proven, down=True)}: proven" if proven else ""
-        raise NoSolutionError(f"{arm.name}: the search found no singular configuration{within}")
+        within = "one may be missed"
+        if proven:
+            within = f"none is within {angle(proven, down=True)}: proven"
+        raise NoSolutionError(f"{arm.name}: the search found no singular configuration; {within}")
     return near
 
 

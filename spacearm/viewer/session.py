@@ -307,7 +307,9 @@ class Session:
         """Go to the nearest singular configuration in joint space, inside the limits or not."""
         found = self.report
         if found.nearest is None:
-            raise ConfigurationError(f"{self.arm.name}: the search found no singular configuration")
+            raise ConfigurationError(
+                f"{self.arm.name}: the search found no singular configuration; one may be missed"
+            )
         if found.distance == 0.0:
             raise ConfigurationError(f"{self.arm.name} is singular here already")
         way = found.nearest - self.cfg.q

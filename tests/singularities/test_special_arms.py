@@ -98,6 +98,8 @@ def test_a_search_without_a_result_never_says_that_none_is_near(monkeypatch):
     assert report.distance == estimate
     assert report.distance_proven == 0.0
     assert "found no singular posture; one may be missed" in report.verdict
+    with pytest.raises(sa.NoSolutionError, match="one may be missed"):
+        sa.singular_set(cfg.arm).nearest(cfg.q)
 
 
 def test_where_the_search_finds_none_the_proof_stops_beside_one_and_finds_it(monkeypatch):
