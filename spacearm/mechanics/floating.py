@@ -20,6 +20,7 @@ from spacearm.equations import turns
 from spacearm.equations.turns import GAUSS, magnus
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.arm_kernels import ArmKernel
+from spacearm.mechanics.jacobian import solve_locked
 from spacearm.model.arm import Configuration, SpaceArm, kinematics, still_wheels
 from spacearm.model.joints import joint_vector
 from spacearm.signatures import checked
@@ -64,7 +65,7 @@ def move(cfg: Configuration, q: ArrayLike) -> Configuration:
     T = cfg.base.rotation
     for step in range(steps):
         at = (arm.at(cfg.q + (step + s) / steps * dq).A[3:, 3:] for s in GAUSS)
-        w1, w2 = (-np.linalg.solve(A[:, :3], A[:, 3:] @ dq) for A in at)  # -D^-1 D_q dq
+        w1, w2 = (-solve_locked(A[:, :3], A[:, 3:] @ dq) for A in at)  # -D^-1 D_q dq
         T = T @ pin.exp3(magnus(np, w1, w2, 1.0 / steps))
     return placed(cfg, cfg.q + dq, T)
 
@@ -158,7 +159,7 @@ def attitudes_over_time(start: Configuration, joints: PPoly, t: Array) -> Array:
     nodes = np.stack((a, 0.5 * (a + b), np.nextafter(b, a)), axis=1)  # before a kink, not after
     D, D_q = momenta(arm, joints(nodes).reshape(-1, arm.n))
     arm_momentum = D_q @ joints(nodes, 1).reshape(-1, arm.n, 1)
-    inverse = np.linalg.inv(D).reshape(-1, 3, 3, 3)
+    inverse = solve_locked(D, np.eye(3)).reshape(-1, 3, 3, 3)
     held = (stored + arm_momentum[..., 0]).reshape(-1, 3, 3)
     quaternions = [pin.Quaternion(start.base.rotation).coeffs()]
     for invs, taken, width in zip(inverse, held, b - a, strict=True):

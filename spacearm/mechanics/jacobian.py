@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, ArrayLike
-from spacearm.errors import listed, require_known
+from spacearm.errors import ModelError, listed, require_known
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import LWA
@@ -120,7 +120,7 @@ def base_velocity(cfg: Configuration, dq: ArrayLike) -> Array:
     """
     A_b, A_q = momentum_matrix(cfg)
     h = cfg.momentum - cfg.stored
-    return np.linalg.solve(A_b, h - A_q @ joint_vector(cfg.arm, dq, "dq"))
+    return solve_locked(A_b, h - A_q @ joint_vector(cfg.arm, dq, "dq"))
 
 
 def drift_of(momentum: Array, impulse: Array, brought: Array, free: int) -> float:
@@ -138,6 +138,26 @@ def drift_of(momentum: Array, impulse: Array, brought: Array, free: int) -> floa
     return float(change / most) if most > 0.0 else 0.0
 
 
+def solve_locked(A_b: Array, b: Array) -> Array:
+    """Compute A_b^-1 b, A_b the inertia of the system with its joints locked.
+
+    Args:
+        A_b: (..., f, f) the part of the momentum matrix for the twist of the spacecraft; or D.
+        b: (f,) or (..., f, k) momenta.
+
+    Raises:
+        ModelError: A_b is singular within rounding.
+    """
+    try:
+        return np.asarray(np.linalg.solve(A_b, b))
+    except np.linalg.LinAlgError:
+        raise ModelError(
+            "the inertia of the system with its joints locked is singular within rounding: its "
+            "masses or lengths differ by more orders of magnitude than double precision holds; "
+            "correct those that loading with check='error' names"
+        ) from None
+
+
 def base_response(A: Array, f: int = 6) -> Array:
     """Compute X = A_b^-1 A_q: the spacecraft moves with v_b = -X dq at zero momentum.
 
@@ -148,7 +168,7 @@ def base_response(A: Array, f: int = 6) -> Array:
     Returns:
         (f, n) X.
     """
-    return np.linalg.solve(A[:f, :f], A[:f, 6:])
+    return solve_locked(A[:f, :f], A[:f, 6:])
 
 
 @checked
@@ -276,7 +296,7 @@ def prescribed_motion(
     h = (cfg.momentum - cfg.stored)[:f]
     free = [name not in rates for name in arm.joint_names]
     names = tuple(name for name in arm.joint_names if name not in rates)
-    drift = J @ dq + cfg.J[:, :f] @ np.linalg.solve(cfg.A[:f, :f], h)
+    drift = J @ dq + cfg.J[:, :f] @ solve_locked(cfg.A[:f, :f], h)
     return PrescribedMotion(arm, names, J[:, free], drift)
 
 
@@ -308,7 +328,7 @@ def generalized_jacobian_derivative(
     f = free_components(mode)
     dA, dJ = matrix_derivatives(cfg.arm, cfg.full_at_origin)
     X = base_response(cfg.A, f)
-    dX = np.linalg.solve(cfg.A[:f, :f], dA[:, :f, 6:] - dA[:, :f, :f] @ X)
+    dX = solve_locked(cfg.A[:f, :f], dA[:, :f, 6:] - dA[:, :f, :f] @ X)
     return np.asarray(dJ[..., 6:] - dJ[..., :f] @ X - cfg.J[:, :f] @ dX)
 
 

@@ -28,7 +28,7 @@ from spacearm.errors import ConfigurationError, listed
 from spacearm.files import arrays_in
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import momentum_and_torque
-from spacearm.mechanics.jacobian import drift_of, momentum_matrix, singular_values
+from spacearm.mechanics.jacobian import drift_of, momentum_matrix, singular_values, solve_locked
 from spacearm.model.arguments import FLOATING, BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.frames import pose_between
@@ -265,7 +265,7 @@ class Motion(Result):
         for i, cfg in enumerate(self):
             A_b, A_q = momentum_matrix(cfg)
             h = (cfg.momentum - cfg.stored)[:free]
-            twists[i, :free] = np.linalg.solve(A_b[:free, :free], h - A_q[:free] @ self.dq[i])
+            twists[i, :free] = solve_locked(A_b[:free, :free], h - A_q[:free] @ self.dq[i])
         return read_only(twists)
 
     @cached_property

@@ -26,7 +26,7 @@ from spacearm.arrays import Array, Integers
 from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import Reactions, chained, momenta, reactions, turns_of_spacecraft
-from spacearm.mechanics.jacobian import turning_axes
+from spacearm.mechanics.jacobian import solve_locked, turning_axes
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.planning.timing import corners, flown_spline, smooth
 
@@ -373,7 +373,7 @@ class FlownRows:
         """
         dt = np.diff(self.t)
         uneven = np.abs(self.spline.c[0]).max(axis=1) * dt**5 / (36.0 * EVEN)
-        spin = np.linalg.norm(np.linalg.solve(self.start.A[3:, 3:6], self.start.momentum[3:]))
+        spin = np.linalg.norm(solve_locked(self.start.A[3:, 3:6], self.start.momentum[3:]))
         turned = np.maximum(np.abs(np.diff(self.q, axis=0)).max(axis=1), spin * dt)
         least = np.maximum(turned / FINE, dt / self.t[-1] * FEWEST)
         return np.ceil(parts * np.maximum(least, uneven**0.25)).astype(int)
@@ -392,7 +392,7 @@ def _turned(T: Array, t: Array, D: Array, taken: Array, h: Array) -> Array:
         taken: (p, m - 1, 3, 3) there, the momentum of joint motion and wheels [N m s].
         h: (3,) angular momentum about the system CM [N m s], inertial axes.
     """
-    spins = np.linalg.inv(D) * np.diff(t)[:, None, None, None]
+    spins = solve_locked(D, np.eye(3)) * np.diff(t)[:, None, None, None]
     drift = np.cumsum(np.abs(spins @ h).max(axis=(0, 2, 3)))
     out = np.empty((len(D), len(t), 3, 3))
     out[:, 0] = T

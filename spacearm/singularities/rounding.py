@@ -37,7 +37,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.mechanics.jacobian import generalized_jacobian, task_jacobian
+from spacearm.mechanics.jacobian import generalized_jacobian, solve_locked, task_jacobian
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.results import Cell, Column, Description, Result, Table
@@ -108,7 +108,7 @@ def error_bars(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Error
     E_b, E_q, E_Jb, E_Jq, rounding = _rounding(cfg)
     free = slice(f // 3)
     E_b, E_q, E_Jb = E_b[free, free], E_q[free], E_Jb[:, free]
-    inverse = np.linalg.inv(cfg.A[:f, :f])
+    inverse = solve_locked(cfg.A[:f, :f], np.eye(f))
     A_inv, X = _norms(inverse, 3), _norms(inverse @ cfg.A[:f, 6:], 1)
     G = A_inv @ E_b
     if np.abs(np.linalg.eigvals(G)).max(initial=0.0) >= 1.0:

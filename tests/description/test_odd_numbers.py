@@ -1,14 +1,16 @@
 """Numbers of files that are out of range: colours to 255, lengths that are next to nothing."""
 
+import contextlib
 import re
 import warnings
 
 import mujoco
 import numpy as np
 import pytest
-from helpers.arms import joint, link, robot
+from helpers.arms import joint, link, load_text, robot
 
 import spacearm as sa
+from spacearm.mechanics.jacobian import solve_locked
 
 INERTIA = "<inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia>"
 
@@ -106,3 +108,25 @@ def test_mujoco_has_the_length_too(tmp_path):
     with pytest.warns(sa.ModelWarning, match="lengths below"):
         arm = sa.load(path)
     assert arm.tree.chain("arm")[0].origin.translation[0] == 0.0
+
+
+@pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
+def test_an_inertia_that_rounding_makes_singular_is_named():
+    """The bus is a point of 1e-12 kg, a million kilometres and more from its own frame."""
+    place = '<origin xyz="1e12 0 1e12"/>'
+    tiny = '<inertia ixx="1e-30" iyy="1e-30" izz="1e-30" ixy="0" ixz="0" iyz="0"/>'
+    bus = f'<link name="bus"><inertial>{place}<mass value="1e-12"/>{tiny}</inertial></link>'
+    arm = f'<link name="arm"><inertial><mass value="1e-9"/>{tiny}</inertial></link>'
+    cfg = load_text(robot(bus, arm, joint("elbow", "bus", "arm", xyz=(0, 0, 0)))).at([0.1])
+    calls = (
+        lambda: sa.base_velocity(cfg, [1.0]),
+        lambda: sa.generalized_jacobian(cfg),
+        lambda: sa.generalized_jacobian_derivative(cfg),
+        lambda: sa.error_bars(cfg),
+        lambda: sa.move(cfg, [1.0]),
+    )
+    for call in calls:
+        with contextlib.suppress(sa.ModelError):  # where no pivot happens to be zero it answers
+            call()
+    with pytest.raises(sa.ModelError, match="singular within rounding"):
+        solve_locked(np.outer([1.0, 2.0, 3.0], [0.0, 0.0, 0.0]), np.ones(3))

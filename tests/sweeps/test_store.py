@@ -199,6 +199,7 @@ def test_the_umask_says_who_may_read_a_store(small, tmp_path, mask):
     assert (tmp_path / "s.zarr" / "zarr.json").stat().st_mode & 0o777 == 0o666 & ~mask
 
 
+@pytest.mark.filterwarnings("ignore:Consolidated metadata")  # filters are not those of a thread
 def test_two_sweeps_create_one_store(small, tmp_path):
     opened = []
     both = threading.Barrier(2)
