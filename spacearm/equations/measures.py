@@ -256,8 +256,11 @@ def way_out(xp: Any, slopes: list[Any], norm: Any, sigma: Any, fading: Any) -> t
         sigma: Its least singular value.
         fading: As of `distance`.
     """
-    others, pad = len(slopes) - 1, ROUNDED * norm + fading * sigma
-    n = len(slopes[0])
+    others, n = len(slopes) - 1, len(slopes[0])
+    size = norm * norm  # of a task of one row J vanishes on the set, its slopes do not
+    for slope in slopes:
+        size = size + (slope * slope).sum()
+    pad = ROUNDED * xp.sqrt(size) + fading * sigma
     kept: list[Any] = []
     for r, slope in enumerate(slopes[1:]):
         row = _across(kept, xp.concatenate([slope, pad * np.eye(others)[r]]))

@@ -51,6 +51,13 @@ def test_they_are_found_within_joint_limits():
     assert case.contradictions == ()
 
 
+def test_a_joint_that_does_not_move_the_row_of_a_task_stays_where_it_is():
+    """J* of one row vanishes on the set: rounding of its slopes is no equation."""
+    (case,) = compared(50028, 1)
+    assert (case.joints, case.rows) == (3, 1)
+    assert case.contradictions == ()
+
+
 @pytest.mark.parametrize("seed", SMALL)
 def test_a_tiny_sigma_min_hides_no_singular_posture(seed):
     """Rounding then moves the set by more than 1e-8 rad, and the ends of descents count all the
