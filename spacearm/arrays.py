@@ -114,6 +114,12 @@ class ReadOnlyMapping(Mapping[str, T]):
     def __len__(self) -> int:
         return len(self._entries)
 
+    def __or__(self, other: Mapping[str, T]) -> dict[str, T]:
+        return self._entries | dict(other)
+
+    def __ror__(self, other: Mapping[str, T]) -> dict[str, T]:
+        return dict(other) | self._entries
+
     def __repr__(self) -> str:
         return repr(self._entries)
 

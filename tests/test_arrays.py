@@ -8,7 +8,17 @@ import pinocchio as pin
 import pytest
 
 import spacearm as sa
-from spacearm.arrays import MOST_COUNT, floats, number_of, plain, positive, steps, whole, within
+from spacearm.arrays import (
+    MOST_COUNT,
+    ReadOnlyMapping,
+    floats,
+    number_of,
+    plain,
+    positive,
+    steps,
+    whole,
+    within,
+)
 from spacearm.signatures import shown
 
 HUGE = (10**30, 10**400, 10**5000, 1e30, 1e308, math.inf)
@@ -210,3 +220,9 @@ def test_numbers_of_extended_precision_are_plain_numbers():
     assert found == [0.5, [0.0, 0.5], [0.5]]
     json.dumps(found)
     sa.CaptureEnvelope(place=np.longdouble(0.5))
+
+
+def test_mappings_that_cannot_be_changed_join_others():
+    held = ReadOnlyMapping({"a": 1, "b": 2})
+    assert held | {"b": 3} == {"a": 1, "b": 3}
+    assert {"b": 3, "c": 4} | held == {"a": 1, "b": 2, "c": 4}

@@ -219,7 +219,7 @@ def watch_states(
     as_json: opt.AsJson = False,
 ) -> int:
     """Warn when joint states come near a singular posture."""
-    if Path(file).suffix != ".mcap":
+    if Path(file).suffix.lower() != ".mcap":
         opt.refuse_unused({"--topic": topic}, "with an .mcap file")
     near, far = opt.radians(stop, deg, STOP), opt.radians(slow, deg, SLOW)
     servo = sa.Servo(arm, mode=mode, stop=near, slow=far)

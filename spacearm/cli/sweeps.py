@@ -132,12 +132,14 @@ def _print_estimate(study: sa.Study, store: Path, workers: int) -> None:
     seconds = workers * start
     is_known = True
     longest, size = 0.0, 0.0
-    for found in estimate(study, max(workers, 1)):
+    estimates = list(estimate(study, max(workers, 1)))
+    for found in estimates:
+        is_known = is_known and (found.is_known or found.chunks == done.get(found.quantity, 0))
+    for found in estimates:
         left = found.chunks - done.get(found.quantity, 0)
         part = left / found.chunks
-        told = found.seconds if found.is_known else found.at_least
+        told = found.seconds if is_known else found.at_least
         seconds += part * told
-        is_known = is_known and (found.is_known or not left)
         longest = max(longest, found.longest if left else 0.0)
         size += found.nbytes
         each, hours = told / found.chunks, part * told / 3600

@@ -55,9 +55,10 @@ class Kernel:
 
     Attributes:
         lanes: Number of lanes computed side by side.
-        stack: Bound of the stack that a call of the machine code needs [bytes], by the sizes of
-            all values in it or, where they share places, of those alive at once; functions of the
-            system's library and functions outside come on top.
+        stack: Stack that a call of the machine code needs [bytes]: the larger of a bound for code
+            that is compiled quickly, the sizes of all values in it, and an estimate for optimised
+            code, twice the values alive at once. Functions of the system's library and functions
+            outside come on top.
     """
 
     def __init__(

@@ -138,7 +138,8 @@ def _running(command: list[str], folder: Path) -> Iterator[subprocess.Popen[byte
     Its own temporary files lie in the folder: a browser that is killed does not remove them. The
     name of that folder is "." for it, since the path of a socket has at most some 100 characters.
     """
-    before: tuple[str, ...] = ENDS_WITH_THIS if sys.platform == "linux" else ()
+    can_end = sys.platform == "linux" and bool(sys.executable)  # an embedded Python has none
+    before: tuple[str, ...] = ENDS_WITH_THIS if can_end else ()
     with subprocess.Popen(
         [*before, *command],
         stdout=subprocess.DEVNULL,

@@ -126,7 +126,9 @@ class Server:
         Other users see the command that starts a browser, and the address in it.
         """
         now = time.monotonic()
-        self._tickets = {ticket: end for ticket, end in self._tickets.items() if now < end}
+        for ticket, end in list(self._tickets.items()):  # the server's thread redeems some
+            if end <= now:
+                self._tickets.pop(ticket, None)
         ticket = secrets.token_urlsafe(16)
         self._tickets[ticket] = now + PATIENCE
         return f"http://{LOOPBACK}:{self.port}/?ticket={ticket}"
