@@ -154,7 +154,7 @@ class ClosedSearch:
         """Search from a posture on; return how far the nearest found is [rad], or inf.
 
         Descents begin at the nearest one known, at the posture itself, and at random closed
-        postures. Without those, the posture itself is left out if one is known.
+        postures.
 
         Args:
             cfg: The configuration of the free hands, closed.
@@ -162,7 +162,7 @@ class ClosedSearch:
             tries: Number of random postures.
         """
         begins = [self.nearest(cfg.q)]
-        if begins[0] is not None and tries:
+        if begins[0] is not None:
             begins.append(None)
         for begin in begins:
             self._descend(cfg, target, begin)
@@ -180,10 +180,10 @@ class ClosedSearch:
             self.found.append(found)
 
     def least(self, cfg: Configuration, target: Target | None, within: float) -> float:
-        """Return how far a singular posture is at most, if that may be less than a distance [rad].
+        """Return a distance [rad]: the smaller of first-order estimate and nearest one found.
 
         Searched where the first-order estimate is up to `TOO_LONG` times `within`; elsewhere it is
-        the estimate. The smaller one of estimate and distance found is returned.
+        the estimate.
 
         Args:
             cfg: The configuration of the free hands, closed.

@@ -219,7 +219,8 @@ class TargetTree:
         slower = float((rate_bounds(plan.spline) / constraints.joint_rates(carrying.arm)).max())
         if slower > 1.0:  # between the rows
             plan = replace(plan, t=slower * plan.t, dq=plan.dq / slower, ddq=plan.ddq / slower**2)
-        if plan.closure_distance.min() < self.clearance:
+        near = [self.near.least(*carrying.hands(cfg), self.clearance) for cfg in rows]
+        if min(float(plan.closure_distance.min()), *near) < self.clearance:
             return plan, "comes nearer to a singular posture than the clearance"
         most = constraints.keep_attitude
         if most is not None and max(_turn(start, cfg) for cfg in rows) > most:

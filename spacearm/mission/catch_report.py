@@ -130,7 +130,7 @@ class Catch(Result, kw_only=True):
 
     @property
     def clearance(self) -> float:
-        """How far singular postures are [rad]: proven; with several hands to first order."""
+        """How far singular postures are [rad]: proven; with several hands an upper bound."""
         return self.distance_proven
 
     @property
@@ -208,9 +208,9 @@ class Catch(Result, kw_only=True):
     def _with_errors(self, flight: Flight, target: Target) -> Flight:
         """Return a flight whose grasp says how far the tip was from the grapple frame, as flown."""
         events = list[Event]()
+        (name,) = self.frames.values()
         for event in flight.events:
-            if event.kind == "grasp":
-                (name,) = self.frames.values()
+            if event.kind == "grasp" and name in target.grapples:
                 off = flight.phases[1][-1].tip.actInv(target.at(event.t, name).pose)
                 gap = float(np.linalg.norm(off.translation))
                 turn = float(np.linalg.norm(pin.log3(off.rotation)))

@@ -24,6 +24,7 @@ from spacearm.motion.flights import Flight, Grasp, LimitCheck
 from spacearm.motion.motion import Motion, Trajectory
 from spacearm.motion.plant import Integration, Plant, Sampling
 from spacearm.motion.simulation import COARSE, trajectories_of
+from spacearm.processes import check_memory
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.signatures import checked
 
@@ -31,6 +32,8 @@ from spacearm.signatures import checked
 MISSES = ("place", "turn", "velocity", "rate")
 #: Samples of each phase at which limits are checked; the peak between them is that of a parabola.
 SAMPLES = 200
+#: Numbers that a run keeps for each sample, and for each sample and joint, as measured.
+EACH_SAMPLE, EACH_JOINT = 16, 5
 #: The phases, as of `Catch.fly`.
 PHASES = ("approach", "closing in", "braking")
 
@@ -306,6 +309,11 @@ def fly_many(
             "flies it with one target that differs"
         )
     m, rng = whole(runs, "runs", 1), generator(seed)
+    check_memory(
+        8.0 * m * len(PHASES) * (SAMPLES + 1) * (EACH_SAMPLE + EACH_JOINT * catch.arm.n),
+        f"{m:,} runs",
+        "use fewer runs",
+    )
     actual = [errors.sample(catch.target, rng) for _ in range(m)]
     stages = 3.0
     if rate is None:
@@ -341,7 +349,7 @@ def fly_many(
     begun = replace(catch.plan, t=catch.begin + catch.plan.t)
     reached = led(0, [catch.plan[0]] * k, begun, np.zeros((k, catch.arm.n)))
     closing = led(1, [run[-1] for run in reached], catch.chase, _last_rates(reached))
-    failed = [run.ended for run in closing if run.ended != "duration"]
+    failed = [run.ended for run in (*reached, *closing) if run.ended != "duration"]
     if failed:
         raise NoSolutionError(
             f"the approach of {catch.arm.name} fails: {failed[0]}, led with a rate of {rate:.3g} "
@@ -370,7 +378,12 @@ def fly_many(
             turning = spacecraft_twist(run[-1], run.dq[-1], catch.mode)[3:]
             after[i, 2:] = np.abs(run.dq[-1]).max(), np.linalg.norm(turning)
             flown[i].append(run)
-    flights = [_checked(catch, runs, bodies.get(i)) for i, runs in enumerate(flown)]
+    limits = list[tuple[LimitCheck, ...]]()
+    events = list[tuple[Event, ...]]()
+    for i, runs in enumerate(flown):
+        flight = _checked(catch, runs, bodies.get(i))
+        limits.append(flight.limits)
+        events.append(flight.events)
     return CatchRuns(
         catch=catch,
         envelope=envelope,
@@ -379,8 +392,8 @@ def fly_many(
         **dict(zip(("energy_lost", "impulse", "dq", "tumble"), after.T.copy(), strict=True)),
         ended=tuple(str(word) for word in words),
         masses=np.array([one.mass for one in actual]),
-        limits=tuple(flight.limits for flight in flights),
-        events=tuple(flight.events for flight in flights),
+        limits=tuple(limits),
+        events=tuple(events),
     )
 
 

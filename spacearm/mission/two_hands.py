@@ -128,10 +128,9 @@ class HandsCatch(Catch, kw_only=True):
 
     @cached_property
     def clearance(self) -> float:
-        """How far singular postures are at the rows [rad].
+        """Distance of the nearest singular posture found from the samples [rad], an upper bound.
 
-        First-order estimates of the free hands, and the nearest found along closure while they
-        brake.
+        Of the free hands up to contact, then along closure.
         """
         ways = self.plan.distance, self.chase.distance, self.brake.closure_distance
         return float(min(way.min() for way in ways))
@@ -140,8 +139,8 @@ class HandsCatch(Catch, kw_only=True):
     def margin(self) -> str:
         """How near singular postures are, in words."""
         return (
-            f"no singular posture nearer than {angle(self.clearance, down=True)} at the rows: "
-            "first-order estimates up to contact, then the nearest found by search"
+            f"nearest singular posture found from the samples: {angle(self.clearance)} (upper "
+            "bound, found by search; a nearer one may have been missed)"
         )
 
     @property

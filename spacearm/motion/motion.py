@@ -217,8 +217,9 @@ class Motion(Result):
         The joints are on `spline`, which `sa.Tracking` follows. The base is on a cubic curve
         through its poses and twists at the two samples beside (see `base_twist`) where the motion
         has its own rates; else it is on cubic splines through all poses. Its error falls with the
-        fourth power of the spacing of the samples. Momentum and wheels are linear between the
-        samples.
+        fourth power of the spacing of the samples, except near inner `jumps`, where the spline
+        overshoots; `certificate` holds for the straight segments between samples there. Momentum
+        and wheels are linear between the samples.
 
         Args:
             t: The time [s].

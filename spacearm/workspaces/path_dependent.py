@@ -583,7 +583,7 @@ def _sampled_workspace(
         beyond=np.nan if stopped else max(found.reachable[0], found.farthest - found.reachable[1]),
         outside=np.nan if stopped else found.gap,
         uncovered=np.full(len(pdw), found.resolution),
-        certified=max(TOLERANCE, SMALL * found.farthest),
+        certified=max(TOLERANCE, SMALL * float(found.reachable[1])),
         sampled=True,
     )
     result = Workspace(

@@ -95,7 +95,7 @@ def statements(
         bounds = of_one(complete, own <= certified)
         found.append(RangeStatement("path dependent", radius, bounds, max(outside, own)))
     for radius in radii(piw):
-        bounds = of_one(widest <= certified, complete)
-        error = max(outside, widest)
+        bounds = of_one(widest <= certified and beyond <= certified, complete)
+        error = max(outside, widest, beyond)
         found.append(RangeStatement("path independent", radius, bounds, error))
     return tuple(found)

@@ -21,6 +21,8 @@ def received():
     numbers = [getattr(signal, name) for name in ("SIGINT", *entry.ENDING)]
     before = {number: signal.getsignal(number) for number in numbers}
     came = []
+    for number in numbers:  # some are ignored where tests run under nohup, or behind an ampersand
+        signal.signal(number, signal.SIG_DFL)
     signal.signal(signal.SIGINT, lambda number, _: came.append(number))
     yield came
     for number, handler in before.items():

@@ -174,3 +174,19 @@ def test_trajectories_of_many_runs_are_those_of_simulate():
     one = sa.simulate(many[1][0], law, 0.5, sampling=own, integration=how)
     for name in ("t", "q", "dq", "torque"):
         np.testing.assert_allclose(getattr(many[1], name), getattr(one, name), rtol=0, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_an_approach_that_fails_is_no_catch():
+    """A wrench that is no number ends the first phase; the second one began where that ended."""
+    broken = sa.Plant(
+        wrenches={"spacecraft": lambda t: np.full(6, np.nan if 0.5 < t < 0.8 else 0.0)}
+    )
+    with pytest.raises(sa.NoSolutionError, match="the approach of chaser7 fails"):
+        sa.fly_many(caught(), NONE, runs=1, plant=broken)
+
+
+@pytest.mark.slow
+def test_a_target_without_the_planned_frame_is_grasped_where_the_tip_is():
+    bare = caught().target.replace(grapples={})
+    assert [event.kind for event in caught().fly(bare).events].count("grasp") == 1

@@ -372,7 +372,8 @@ MUTANTS = [
     ),
     Mutant(
         "distance where fewer equations hold", "equations/measures.py",
-        "ROUNDED * norm + fading * sigma", "ROUNDED * norm", "singularities/test_distance",
+        "ROUNDED * xp.sqrt(size) + fading * sigma", "ROUNDED * xp.sqrt(size)",
+        "singularities/test_distance",
     ),
     Mutant(
         "distance where several singular values vanish", "mechanics/distance.py",

@@ -10,13 +10,13 @@ import spacearm as sa
 from spacearm.workspaces.statements import MEANING, statements
 
 
-def stated(outside, uncovered, **options):
+def stated(outside, uncovered, beyond=0.0, **options):
     """What is stated of a reachable, one path dependent and one path independent range."""
     found = statements(
         np.array([[0.0, 3.0]]),
         np.array([[1.0, 3.0]]),
         np.array([[0.0, 1.0]]),
-        beyond=0.0,
+        beyond=beyond,
         outside=outside,
         uncovered=np.array([uncovered]),
         certified=1e-6,
@@ -35,6 +35,13 @@ def test_singular_postures_that_may_be_missing_widen_one_workspace_and_narrow_th
 
 def test_distances_that_may_have_no_singular_posture_do_the_contrary():
     assert stated(1e-9, 0.3) == (["upper bound", "lower bound"], 0.3)
+
+
+def test_distances_that_may_be_reachable_beyond_the_range_narrow_what_is_said_of_the_independent():
+    """Postures out there may be singular or not: the path independent workspace may go on."""
+    assert stated(1e-9, 1e-9, beyond=0.1) == (["certified", "lower bound"], 0.1)
+    assert stated(1e-9, 1e-9, beyond=np.nan)[0] == ["certified", "lower bound"]
+    assert stated(np.nan, 1e-9, beyond=np.nan)[0] == ["lower bound", "estimate"]
 
 
 def test_ranges_of_a_search_and_of_a_sample_are_named_as_such():
