@@ -380,8 +380,8 @@ def fly_many(
             flown[i].append(run)
     limits = list[tuple[LimitCheck, ...]]()
     events = list[tuple[Event, ...]]()
-    for i, runs in enumerate(flown):
-        flight = _checked(catch, runs, bodies.get(i))
+    for i, phases in enumerate(flown):
+        flight = _checked(catch, phases, bodies.get(i))
         limits.append(flight.limits)
         events.append(flight.events)
     return CatchRuns(
