@@ -12,7 +12,6 @@ import io
 import re
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -35,8 +34,9 @@ MOST_PROPERTIES = 1_000
 PLY_TEXT, LINE_ENDS = re.compile(rb"ply\s+format\s+ascii\b"), b"\r\v\f\x1c\x1d\x1e"
 #: Bytes of a binary STL: before its triangles, and for each of them.
 STL_HEAD, STL_TRIANGLE = 84, 50
-#: Least number of bytes of a triangle in the text of an STL: three times "vertex 0 0 0" and a line.
-STL_TEXT = 39
+#: Upper bound of the memory for reading the text of an STL, for each of its bytes: the most is that
+#: of solids of one triangle each, of which each becomes arrays of its own [bytes].
+STL_PER_BYTE = 30
 #: A triangle of a binary STL.
 STL_FIELDS = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
 #: The begin or the end of a solid with its name, or a vertex, in the text of an STL. A name ends
@@ -66,6 +66,8 @@ COLLADA_LEFT_OUT = (
     "{*}bind_material",
     "{*}extra",
 )
+#: Says that a COLLADA file has nodes without end.
+TOO_DEEP = "its nodes are nested too deeply, or place one another in a circle; export it again"
 #: Largest numbers of nodes of a COLLADA scene, and of parts of meshes that it places.
 MOST_NODES, MOST_PARTS = 10_000, 50_000
 
@@ -105,7 +107,7 @@ def triangles_of(suffix: str, content: bytes, memory: float) -> tuple[Array, Int
             triangles = binary_triangles(content)
             if triangles:
                 require_few(triangles)
-            require(PER_TRIANGLE * (triangles or len(content) / STL_TEXT), memory)
+            require(PER_TRIANGLE * triangles or STL_PER_BYTE * len(content), memory)
             parts = [(corners, _numbered(len(corners))) for corners in stl_corners(content)]
         case ".dae":
             parts = list(_collada(content, memory))
@@ -209,10 +211,15 @@ def obj_vertices(obj: bytes) -> Array:
 
 
 def _obj(content: bytes) -> Mapping[str, Any]:
-    """Return the parts of an OBJ file as trimesh gives them."""
+    """Return the parts of an OBJ file as trimesh gives them.
+
+    Lines that a backslash continues are joined. No other backslash is left: trimesh joins lines
+    too, and would make names of materials of what is none here.
+    """
     from trimesh.exchange.obj import load_obj
 
     lines = content.decode(errors="replace").replace("\r\n", "\n").replace("\\\n", "")
+    lines = lines.replace("\\", " ")
     return load_obj(io.StringIO(OBJ_MATERIAL.sub("", lines)), skip_materials=True)
 
 
@@ -265,6 +272,10 @@ def _parts(loaded: Mapping[str, Any]) -> Iterator[tuple[Array, Integers]]:
 # --- COLLADA ------------------------------------------------------------------------------------
 
 
+#: Elements of a COLLADA mesh that trimesh makes triangles of.
+COLLADA_PARTS = ("{*}triangles", "{*}tristrips", "{*}trifans", "{*}polylist", "{*}polygons")
+
+
 class _Placed(NamedTuple):
     """How much a part of a COLLADA scene places.
 
@@ -282,6 +293,14 @@ class _Placed(NamedTuple):
         """Return the sum."""
         return _Placed(*(own + more for own, more in zip(self, other, strict=True)))
 
+    def at_most(self, other: _Placed) -> _Placed:
+        """Return an upper bound of both."""
+        return _Placed(*map(max, self, other))
+
+
+class _MissingNodeError(ValueError):
+    """A node of a COLLADA file places a node that the file lacks, or that is not loaded yet."""
+
 
 def _collada(content: bytes, memory: float) -> Iterator[tuple[Array, Integers]]:
     """Yield the vertices and faces of each part that a COLLADA file places [m].
@@ -298,61 +317,231 @@ def _collada(content: bytes, memory: float) -> Iterator[tuple[Array, Integers]]:
     require(PER_BYTE * len(content), memory)
     if b"<!DOCTYPE" in content:
         raise ValueError("it declares a DOCTYPE: remove it")
-    root = etree.fromstring(content, etree.XMLParser(encoding="utf-8", huge_tree=True))
-    etree.strip_elements(root, *COLLADA_LEFT_OUT, with_tail=False)
+    root = _elements(content)
+    metre = _metre(root)
+    _check_polygons(root)
     try:
         placed = _placed(root)
+        if placed.nodes > MOST_NODES:
+            raise ValueError(f"it places more than {MOST_NODES:,} nodes")
+        if placed.parts > MOST_PARTS:
+            raise ValueError(f"it places more than {MOST_PARTS:,} parts of meshes; join them")
+        require(PER_BYTE * len(content) + PER_TRIANGLE * placed.triangles, memory)
+        loaded: Mapping[str, Any] = load_collada(io.BytesIO(etree.tostring(root)))
     except RecursionError:
-        raise ValueError("its nodes are nested too deeply; export it again") from None
-    if placed.nodes > MOST_NODES:
-        raise ValueError(f"it places more than {MOST_NODES:,} nodes")
-    if placed.parts > MOST_PARTS:
-        raise ValueError(f"it places more than {MOST_PARTS:,} parts of meshes; join them")
-    require(PER_BYTE * len(content) + PER_TRIANGLE * placed.triangles, memory)
-    unit = root.find("{*}asset/{*}unit")
-    metre = 1.0 if unit is None else float(unit.get("meter", "1"))
-    if not 0.0 < metre <= LARGEST:
-        raise ValueError(f"its unit is {metre:g} m; give a positive length")
-    loaded: Mapping[str, Any] = load_collada(io.BytesIO(etree.tostring(root)))
+        raise ValueError(TOO_DEEP) from None
+    except (AttributeError, TypeError):  # pycollada takes what COLLADA demands for granted
+        raise ValueError(
+            "an attribute or a text that COLLADA demands is missing; export it again"
+        ) from None
     for vertices, faces in _parts(loaded):
         yield metre * vertices, faces
 
 
-def _placed(root: etree._Element) -> _Placed:
-    """Return how much the scenes of a COLLADA file place."""
+def _elements(content: bytes) -> etree._Element:
+    """Return the root element of a COLLADA file with what can give triangles.
+
+    Elements of other namespaces, which COLLADA does not define, are left out, as are comments.
+
+    Raises:
+        ValueError: It is faulty.
+    """
+    parser = etree.XMLParser(
+        encoding="utf-8", huge_tree=True, remove_comments=True, remove_pis=True
+    )
+    try:
+        root = etree.fromstring(content, parser)
+    except etree.XMLSyntaxError as error:
+        raise ValueError(TOO_DEEP if "depth" in str(error) else str(error)) from None
+    if not etree.QName(root).namespace:
+        raise ValueError(
+            "its root element has no namespace; begin it by "
+            '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
+        )
+    etree.strip_elements(root, *COLLADA_LEFT_OUT, with_tail=False)
+    prefix = f"{{{etree.QName(root).namespace}}}"
+    foreign = [element for element in root.iter() if not str(element.tag).startswith(prefix)]
+    for element in foreign:
+        parent = element.getparent()
+        if parent is not None and str(parent.tag).startswith(prefix):
+            parent.remove(element)
+    return root
+
+
+def _metre(root: etree._Element) -> float:
+    """Return the unit of a COLLADA file [m].
+
+    Raises:
+        ValueError: It is no positive length.
+    """
+    unit = root.find("{*}asset/{*}unit")
+    stated = "1" if unit is None else unit.get("meter", "1")
+    try:
+        metre = float(stated)
+    except ValueError:
+        metre = 0.0
+    if not 0.0 < metre <= LARGEST:
+        raise ValueError(f'its unit is {stated!r} m; give a positive length, as <unit meter="1"/>')
+    return metre
+
+
+def _check_polygons(root: etree._Element) -> None:
+    """Refuse polygons that state more corners than a COLLADA file can have."""
     corners = sum(int(n) for e in root.iter("{*}vcount") for n in (e.text or "").split())
     size = sum(len(e.text or "") for e in root.iter("{*}vcount", "{*}p"))
     if corners > size:
         raise ValueError(f"its polygons have {corners:,} corners, and it has fewer bytes")
-    named = {f"#{node.get('id')}": node for node in root.iter("{*}node")}
-    meshes = {f"#{mesh.get('id')}": _of_mesh(mesh) for mesh in root.iter("{*}geometry")}
 
-    @cache
-    def of(node: etree._Element) -> _Placed:
-        total = _Placed(nodes=1.0)
-        for child in node.iterchildren("{*}node"):
-            total = total.plus(of(child))
-        for instance in node.iterchildren("{*}instance_node"):
-            url = instance.get("url", "")
-            total = total.plus(of(named[url]) if url in named else _Placed())
-        for instance in node.iterchildren("{*}instance_geometry"):
-            total = total.plus(meshes.get(instance.get("url", ""), _Placed()))
+
+def _placed(root: etree._Element) -> _Placed:
+    """Return how much the scene of a COLLADA file places, and leave in the file what it places.
+
+    Scenes that are not shown are removed, as are nodes of libraries that are not placed. The others
+    stand after those that they place: pycollada tries all that wait for another one again and
+    again.
+
+    Raises:
+        ValueError: The scene, or a node that it places, is missing.
+    """
+    scene = _only_scene(root)
+    nodes = _Nodes(root)
+    placed = nodes.of_scene(scene)
+    libraries = root.findall("{*}library_nodes")
+    for library in libraries:
+        del library[:]
+    if libraries:
+        libraries[0].extend(nodes.order)
+    return placed
+
+
+def _only_scene(root: etree._Element) -> etree._Element:
+    """Return the scene that a COLLADA file shows, and remove the others.
+
+    Of scenes with the same id the last is shown, as pycollada does.
+
+    Raises:
+        ValueError: It shows none.
+    """
+    shown = root.find("{*}scene/{*}instance_visual_scene")
+    if shown is None:
+        raise ValueError(
+            "it shows no scene; name its <visual_scene> by "
+            '<scene><instance_visual_scene url="#ID"/></scene>, or export it again'
+        )
+    url = shown.get("url", "")
+    scenes = root.findall("{*}library_visual_scenes/{*}visual_scene")
+    named = [scene for scene in scenes if scene.get("id") and _url(scene) == url]
+    if not named:
+        raise ValueError(
+            f"it shows the scene {url!r}, which it lacks; name one of its <visual_scene>, "
+            "or export it again"
+        )
+    libraries = root.findall("{*}library_visual_scenes")
+    for library in libraries:
+        del library[:]
+    libraries[0].append(named[-1])
+    return named[-1]
+
+
+class _Nodes:
+    """The nodes of a COLLADA file: how much they place, with names resolved as pycollada does.
+
+    A node of the scene finds the nodes at the top of the scene first, then those of the libraries;
+    a node of a library finds the latter. Of nodes with the same id in libraries the last counts, in
+    the scene the first. Of such meshes pycollada takes the last that it can load, so that the
+    largest counts.
+
+    Attributes:
+        order: The nodes of libraries that are placed, each after those that it places.
+    """
+
+    def __init__(self, root: etree._Element) -> None:
+        self._library = {_url(node): node for node in root.iterfind("{*}library_nodes/{*}node")}
+        self._of_library: dict[str, _Placed] = {}
+        self._meshes: dict[str, _Placed] = {}
+        self.order: list[etree._Element] = []
+        for mesh in root.iterfind("{*}library_geometries/{*}geometry"):
+            url = _url(mesh)
+            self._meshes[url] = _of_mesh(mesh).at_most(self._meshes.get(url, _Placed()))
+
+    def of_scene(self, scene: etree._Element) -> _Placed:
+        """Return how much a scene places.
+
+        Raises:
+            ValueError: It places a node that is missing.
+        """
+        total = _Placed()
+        loaded: dict[str, _Placed] = {}
+        waiting = []
+        for node in scene.iterchildren("{*}node"):
+            try:
+                placed = self._of(node, loaded)
+            except _MissingNodeError:  # it may stand further down
+                waiting.append(node)
+                continue
+            total = total.plus(placed)
+            if node.get("id"):
+                loaded.setdefault(_url(node), placed)
+        for node in waiting:
+            total = total.plus(self._of(node, loaded))
         return total
 
-    total = _Placed()
-    for scene in root.iter("{*}visual_scene"):
-        total = total.plus(of(scene))
-    return total
+    def _of(self, node: etree._Element, siblings: Mapping[str, _Placed]) -> _Placed:
+        """Return how much a node places that may name some nodes of the scene."""
+        total = _Placed(nodes=1.0)
+        for child in node.iterchildren("{*}node"):
+            total = total.plus(self._of(child, siblings))
+        for instance in node.iterchildren("{*}instance_node"):
+            url = instance.get("url", "")
+            if url in siblings:
+                total = total.plus(siblings[url])
+            elif url.startswith("#"):  # what other files hold is not loaded
+                total = total.plus(self._of_library_node(url))
+        for instance in node.iterchildren("{*}instance_geometry"):
+            total = total.plus(self._meshes.get(instance.get("url", ""), _Placed()))
+        return total
+
+    def _of_library_node(self, url: str) -> _Placed:
+        """Return how much a node of a library places."""
+        if url in self._of_library:
+            return self._of_library[url]
+        if url not in self._library:
+            raise _MissingNodeError(
+                f"it places the node {url!r}, which is missing or stands behind it; export it again"
+            )
+        node = self._library[url]
+        try:
+            placed = self._of(node, {})
+        except _MissingNodeError as error:  # no node of the scene mends this
+            raise ValueError(str(error)) from None
+        self._of_library[url] = placed
+        self.order.append(node)
+        return placed
+
+
+def _url(element: etree._Element) -> str:
+    """Return the name by which an element of a COLLADA file is instanced."""
+    return f"#{element.get('id', '')}"
 
 
 def _of_mesh(geometry: etree._Element) -> _Placed:
-    """Return how much one instance of a geometry places."""
+    """Return how much one instance of a geometry places.
+
+    Each corner has one number for each offset up to the largest one. Inputs that name the vertices
+    as something else do not count: pycollada passes over them.
+    """
     total = _Placed()
-    for part in geometry.iterchildren("{*}mesh"):
-        for kind in part.iterchildren("{*}triangles", "{*}polylist", "{*}polygons"):
-            offsets = [int(i.get("offset", "0")) for i in kind.iterchildren("{*}input")]
+    for mesh in geometry.iterchildren("{*}mesh"):
+        vertices = {_url(element) for element in mesh.iterchildren("{*}vertices")}
+        for kind in mesh.iterchildren(*COLLADA_PARTS):
+            inputs = [
+                each
+                for each in kind.iterchildren("{*}input")
+                if each.get("semantic") == "VERTEX" or each.get("source") not in vertices
+            ]
+            largest_offset = max([0, *(int(each.get("offset", "0")) for each in inputs)])
             size = sum(len(e.text or "") for e in kind.iterchildren("{*}p"))
-            corners = size / 2 / (1 + max(offsets, default=0))
+            corners = size / 2 / (1 + largest_offset)
             per_corner = 3 if etree.QName(kind).localname == "triangles" else 1
             total = total.plus(_Placed(parts=1.0, triangles=corners / per_corner))
     return total

@@ -148,11 +148,215 @@ def test_parts_that_a_collada_file_places_are_counted_beforehand(tmp_path, monke
 
 
 def test_collada_nodes_that_are_nested_without_end_are_refused(tmp_path):
-    loop = '<node id="a"><instance_node url="#a"/></node>'
-    for nodes in (loop, "<node>" * 5000 + "</node>" * 5000):
-        path = written(tmp_path / "part.dae", COLLADA.format(parts=ONE, nodes=nodes))
-        with pytest.raises(sa.ModelError, match=r"part\.dae.*nested too deeply|xmlSAX|depth"):
+    loop = f'<node id="a">{place("b")}</node><node id="b">{place("a")}</node>'
+    deep = [scene_of("", "<node>" * n + "</node>" * n) for n in (1500, 5000)]
+    for text in (scene_of(loop, f"<node>{place('a')}</node>"), *deep):
+        path = written(tmp_path / "part.dae", text)
+        with pytest.raises(sa.ModelError, match=r"part\.dae.*nested too deeply"):
             read_mesh(path)
+
+
+def scene_of(library, nodes, parts=ONE):
+    """A COLLADA file with nodes of a library."""
+    text = COLLADA.format(parts=parts, nodes=nodes)
+    nodes_of_library = f"<library_nodes>{library}</library_nodes><library_visual_scenes>"
+    return text.replace("<library_visual_scenes>", nodes_of_library)
+
+
+def doubling(levels):
+    """Nodes n1, n2 and so on, of which each places the one before twice, and n0 the mesh."""
+    nodes = [f'<node id="n0">{INSTANCE}</node>']
+    for i in range(levels):
+        nodes.append(f'<node id="n{i + 1}">{place(f"n{i}") * 2}</node>')
+    return nodes
+
+
+def place(node):
+    return f'<instance_node url="#{node}"/>'
+
+
+@pytest.mark.parametrize("kind", ["triangles", "tristrips", "trifans", "polygons"])
+def test_parts_of_every_kind_are_counted_beforehand(kind, tmp_path, monkeypatch):
+    part = ONE.replace("triangles", kind)
+    mesh = read_mesh(written(tmp_path / "one.dae", COLLADA.format(parts=part, nodes=NODE)))
+    assert len(mesh.faces) == 1
+    monkeypatch.setattr("trimesh.exchange.dae.load_collada", None)
+    text = COLLADA.format(parts=part * 50, nodes=f"<node>{INSTANCE * 1001}</node>")
+    with pytest.raises(sa.ModelError, match=r"more than 50,000 parts of meshes"):
+        read_mesh(written(tmp_path / "many.dae", text))
+
+
+FOREIGN = '<x:input xmlns:x="urn:x" offset="999"/>'
+INPUTS = {
+    "negative offsets": '<input semantic="NORMAL" source="#p" offset="-9"/>',
+    "inputs of other namespaces": FOREIGN,
+    "inputs that are passed over": '<input semantic="NORMAL" source="#v" offset="999"/>',
+    "none": "",
+}
+
+
+@pytest.mark.parametrize("case", INPUTS)
+@pytest.mark.parametrize("kind", ["triangles", "tristrips", "trifans", "polygons"])
+def test_the_memory_of_triangles_is_bounded_beforehand(kind, case):
+    part = TRIANGLES.format(1, " ".join(["0 1 2"] * 1000)).replace("triangles", kind)
+    text = COLLADA.format(parts=part.replace("<p>", f"{INPUTS[case]}<p>"), nodes=NODE * 100)
+    needed = 1000 * 100 * mesh_files.PER_TRIANGLE
+    with pytest.raises(mesh_files.UnboundedError):
+        mesh_files.triangles_of(".dae", text.encode(), needed)
+
+
+BROKEN = (
+    '<triangles count="1"><input semantic="VERTEX" source="#no" offset="0"/><p>0</p></triangles>'
+)
+LEVELS = 17
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        scene_of("".join(doubling(LEVELS)), f"<node>{place(f'n{LEVELS}')}</node>"),
+        scene_of(
+            "".join(doubling(LEVELS)),
+            f'<node>{place(f"n{LEVELS}")}</node><node><node id="n{LEVELS}"/></node>',
+        ),
+        scene_of(
+            "".join(doubling(LEVELS)),
+            f'<x:node xmlns:x="urn:x" id="n{LEVELS}"/><node>{place(f"n{LEVELS}")}</node>',
+        ),
+        scene_of("", "".join(doubling(LEVELS))),
+        COLLADA.format(parts=ONE * 100, nodes=f"<node>{INSTANCE * 501}</node>").replace(
+            "</geometry>", f'</geometry><geometry id="g"><mesh>{BROKEN}</mesh></geometry>'
+        ),
+    ],
+    ids=["library", "id of an inner node", "other namespace", "scene", "broken mesh"],
+)
+def test_nodes_and_meshes_with_the_same_id_hide_none(text, tmp_path, monkeypatch):
+    monkeypatch.setattr("trimesh.exchange.dae.load_collada", None)
+    with pytest.raises(sa.ModelError, match=r"places more than 10,000 nodes|50,000 parts"):
+        read_mesh(written(tmp_path / "part.dae", text))
+
+
+FORWARD = [f'<node id="n{i}">{place(f"n{i + 1}")}</node>' for i in range(100)]
+FORWARD.append(f'<node id="n100">{INSTANCE}</node>')
+MOVED = "<translate>{} 0 0</translate>"
+LOADED = {
+    "a node of the scene named as one of the library": (
+        scene_of(f'<node id="n">{INSTANCE}</node>', f'<node id="n">{place("n")}</node>'),
+        [1.0],
+    ),
+    "forwards": (
+        scene_of("".join(FORWARD), f"<node>{place('n0')}</node>"),
+        [1.0],
+    ),
+    "forwards in the scene": (
+        scene_of("", f'<node>{MOVED.format(5)}{place("n")}</node><node id="n">{INSTANCE}</node>'),
+        [1.0, 6.0],
+    ),
+    "the first of the scene before the library": (
+        scene_of(
+            f'<node id="n">{MOVED.format(9)}{INSTANCE}</node>',
+            f'<node id="n">{INSTANCE}</node><node id="n">{MOVED.format(5)}{INSTANCE}</node>'
+            f"<node>{MOVED.format(20)}{place('n')}</node>",
+        ),
+        [1.0, 6.0, 21.0],
+    ),
+    "another file": (
+        scene_of("", f'<node><instance_node url="o.dae#n"/></node><node>{INSTANCE}</node>'),
+        [1.0],
+    ),
+    "a faulty node that nothing places": (scene_of(f"<node>{place('no')}</node>", NODE), [1.0]),
+    "a scene that is not shown": (
+        scene_of("", NODE).replace(
+            "<visual_scene ",
+            f'<visual_scene id="t"><node>{place("no")}</node></visual_scene><visual_scene ',
+        ),
+        [1.0],
+    ),
+    "comments": (
+        scene_of("", NODE, f"<!-- c -->{ONE}".replace("0 1 2", "0 <!-- c -->1 2")),
+        [1.0],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LOADED)
+def test_nodes_are_found_by_their_ids(case, tmp_path):
+    text, ends = LOADED[case]
+    mesh = read_mesh(written(tmp_path / "part.dae", text))
+    np.testing.assert_allclose(np.sort(mesh.triangles[:, :, 0].max(axis=1)), ends, atol=1e-6)
+
+
+def test_nodes_that_nothing_places_are_not_loaded(tmp_path, monkeypatch):
+    """Each of them waits for the next one, and all wait again after one is loaded."""
+    collada = pytest.importorskip("collada")
+    loaded = []
+    load = collada.scene.loadNode
+    monkeypatch.setattr(collada.scene, "loadNode", lambda *a: loaded.append(1) or load(*a))
+    used = f"<node>{place('n50')}</node>"
+    text = scene_of("".join(FORWARD), used)
+    assert len(read_mesh(written(tmp_path / "part.dae", text)).faces) == 1
+    assert len(loaded) == 52
+
+
+FAULTS = {
+    "no scene": (("<scene>", "<extra>"), ("</scene>", "</extra>"), r"shows no scene; name"),
+    "another scene": (('url="#s"', 'url="#no"'), ("", ""), r"scene '#no', which it lacks; name"),
+    "decimal comma": (
+        ("<asset/>", '<asset><unit meter="0,001"/></asset>'),
+        ("", ""),
+        r"unit is '0,001' m; give a positive length",
+    ),
+    "no namespace": (
+        (' xmlns="http://www.collada.org/2005/11/COLLADASchema"', ""),
+        ("", ""),
+        r"no namespace; begin it by <COLLADA xmlns=",
+    ),
+    "a node that is missing": (
+        ("<instance_geometry", '<instance_node url="#no"/><instance_geometry'),
+        ("", ""),
+        r"the node '#no', which is missing .* export it again",
+    ),
+    "a missing name": (
+        ('<instance_geometry url="#g"/>', "<instance_geometry/>"),
+        ("", ""),
+        r"export it again",
+    ),
+    "a missing number": (
+        ('<instance_geometry url="#g"/>', "<translate/>"),
+        ("", ""),
+        r"export it again",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_faults_of_collada_are_told_with_their_remedies(case, tmp_path):
+    first, second, message = FAULTS[case]
+    text = COLLADA.format(parts=ONE, nodes=NODE).replace(*first).replace(*second)
+    with pytest.raises(sa.ModelError, match=message):
+        read_mesh(written(tmp_path / "part.dae", text))
+
+
+def test_the_memory_of_small_solids_is_bounded_beforehand():
+    """Each solid becomes arrays of its own."""
+    content = b"solid\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n" * 100
+    with pytest.raises(mesh_files.UnboundedError):
+        mesh_files.triangles_of(".stl", content, 29 * len(content))
+    assert len(mesh_files.triangles_of(".stl", content, 31 * len(content))[1]) == 100
+
+
+@pytest.mark.parametrize("split", ["use\\\\\n\nmtl", "use\\\r\r\nmtl"])
+def test_no_material_of_an_obj_reaches_its_reader(split, tmp_path, monkeypatch):
+    from trimesh.exchange import obj
+
+    found = []
+    preprocess = obj._preprocess_faces
+    monkeypatch.setattr(
+        obj, "_preprocess_faces", lambda text, *a: found.append(text) or preprocess(text, *a)
+    )
+    text = CORNERS + "".join(f"{split} m{i}\nf 1 2 3\n" for i in range(3))
+    assert len(read_mesh(written(tmp_path / "part.obj", text)).faces) == 3
+    assert "usemtl" not in found[0]
 
 
 # --- what parts are -----------------------------------------------------------------------------
