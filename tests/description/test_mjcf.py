@@ -300,7 +300,7 @@ BAD = {
     ),
     "a class that is a format of printf": (
         mjcf(free(link("a", "", '<geom class="%s%n" size="1"/>'))),
-        "<geom> names the class '%s%n'.* rename the class, without %",
+        "<geom> names the class '%s%n'.* without %",
     ),
     "a missing include": (mjcf('<include file="no.xml"/>'), "compiled .*no.xml"),
     "a part": ("<mujocoinclude/>", "is a part of an MJCF; load the file that includes it"),
@@ -314,6 +314,39 @@ def test_bad_mjcf_is_refused(case, tmp_path):
         load(text, tmp_path)
     assert str(error.value).startswith(str(tmp_path / "robot.xml"))
     assert "; " in str(error.value)
+
+
+NAMED = '<geom class="50%" size="1"/>'
+
+
+@pytest.mark.parametrize("included", [False, True])
+def test_a_class_with_a_percent_sign_that_is_declared_is_read(included, tmp_path):
+    declared = '<default><default class="50%"><geom density="100"/></default></default>'
+    if included:
+        (tmp_path / "part.xml").write_text(f"<mujocoinclude>{declared}</mujocoinclude>")
+        declared = '<include file="part.xml"/>'
+    arm = load(mjcf(free(link("a", None, NAMED)), declared), tmp_path)
+    assert arm.n == 1
+
+
+@pytest.mark.parametrize(("declared", "named"), [("5% n", "5%\tn"), ("\xe4%n", "&#228;%n")])
+def test_a_class_that_mujoco_reads_otherwise_is_not_known(declared, named, tmp_path):
+    """MuJoCo keeps tabs, and reads bytes."""
+    defaults = f'<default><default class="{declared}"/></default>'
+    text = mjcf(free(link("a", None, f'<geom class="{named}" size="1"/>')), defaults)
+    with pytest.raises(sa.ModelError, match=r"names the class .* without %"):
+        load(text, tmp_path)
+
+
+def test_a_class_that_one_of_several_files_declares_is_not_known(tmp_path):
+    """MuJoCo includes one of them."""
+    declared = '<mujocoinclude><default><default class="50%"/></default></mujocoinclude>'
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner" / "part.xml").write_text(declared)
+    (tmp_path / "part.xml").write_text("<mujocoinclude/>")
+    more = '<compiler assetdir="inner"/><include file="inner/part.xml"/>'
+    with pytest.raises(sa.ModelError, match=r"names the class '50%'"):
+        load(mjcf(free(link("a", None, NAMED)), more), tmp_path)
 
 
 def test_mujoco_is_asked_for_where_it_is_missing(tmp_path, monkeypatch):

@@ -69,6 +69,38 @@ def check_bounds(source: Source, root: etree._Element) -> bool:
     return total <= FEW_ELEMENTS and numbers <= FEW_NUMBERS and size <= FEW_BYTES
 
 
+class _Classes:
+    """The classes of defaults of one model.
+
+    Attributes:
+        named: The classes that elements name, with the tag of one of these.
+        declared: The classes that MuJoCo knows.
+    """
+
+    def __init__(self) -> None:
+        self.named: dict[str, str] = {}
+        self.declared: set[str] = set()
+
+    def add(self, element: etree._Element, *, alone: bool) -> None:
+        """Add the class of an element.
+
+        MuJoCo may read other bytes than a parser of XML where a name has spaces or is not ASCII:
+        such a class is not known for certain.
+
+        Args:
+            element: The element.
+            alone: Whether MuJoCo reads it for certain: it stands in no file that is one of several
+                that an include may name.
+        """
+        name = element.get("class")
+        if name is None:
+            return
+        if element.tag != "default":
+            self.named[name] = str(element.tag)
+        elif alone and name.isascii() and name.split() == [name]:
+            self.declared.add(name)
+
+
 class _Bounds:
     """What a file asks for, with those that it includes.
 
@@ -96,16 +128,18 @@ class _Bounds:
         """
         included = set(paths)  # MuJoCo includes a file once
         total, attached, largest = 0.0, 0.0, 0.0
-        left = [(root, 1.0)]
+        classes = _Classes()
+        left = [(root, 1.0, True)]
         while left:
-            element, times = left.pop()
+            element, times, alone = left.pop()
+            classes.add(element, alone=alone)
             name = element.get("file", "")
             times *= max(1.0, _product(element, "count")) if element.tag == "replicate" else 1.0
             total += times * (_product(element, "count") if element.tag in GENERATED else 1.0)
             if element.tag == "include":
                 parts = self._parsed(name, included)
                 included.update(parts)
-                left += [(part, times) for part in parts.values()]
+                left += [(part, times, alone and len(parts) == 1) for part in parts.values()]
             elif element.tag == "model" and name:
                 counts = [self.elements(part, path) for path, part in self._parsed(name).items()]
                 largest = max([largest, *counts])
@@ -115,13 +149,13 @@ class _Bounds:
                     f"asks for more than {MOST_ELEMENTS:,} elements, with those that are copied",
                     "copy or generate fewer",
                 )
-            self._check_class(element)
             self._check_numbers(element)
             if element.tag not in DELETED:
                 names = self._parts if element.tag in PARTS else self._meshes
                 names.update(v for k, v in element.items() if k.startswith("file"))
             self._subfolders.update(element.get(folder, "") for folder in FOLDERS)
-            left += [(child, times) for child in element.iterchildren(etree.Element)]
+            left += [(child, times, alone) for child in element.iterchildren(etree.Element)]
+        self._check_classes(classes)
         return total + attached * largest
 
     def size(self) -> int:
@@ -181,17 +215,17 @@ class _Bounds:
         if known not in ENCODINGS:
             self._source.fail(f"is encoded as {encoding!r}", "save it as UTF-8")
 
-    def _check_class(self, element: etree._Element) -> None:
+    def _check_classes(self, classes: _Classes) -> None:
         """Refuse a class that MuJoCo, which does not know it, would take for a format of printf.
 
         Its message then reads and writes memory that is not its own.
         """
-        name = element.get("class", "")
-        if "%" in name:
-            self._source.fail(
-                f"<{element.tag!s}> names the class {name!r}, which MuJoCo cannot take",
-                "rename the class, without %",
-            )
+        for name, tag in classes.named.items():
+            if "%" in name and name not in classes.declared:
+                self._source.fail(
+                    f"<{tag}> names the class {name!r}, which MuJoCo may not know",
+                    "declare it by a <default>, in ASCII without spaces, or rename it without %",
+                )
 
     def _check_numbers(self, element: etree._Element) -> None:
         """Add the numbers that an element asks for; refuse too many."""
