@@ -4,6 +4,7 @@ import json
 import os
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -12,6 +13,7 @@ import trimesh
 from helpers.arms import joint, link, robot
 
 import spacearm as sa
+from spacearm.description.readers import packages as packages_module
 from spacearm.description.readers.packages import OutsideError, Packages
 from spacearm.description.shapes import read_mesh
 from spacearm.files import lies_in, named_files
@@ -404,7 +406,9 @@ def test_top_folders_and_the_home_folder_are_not_around_a_file_that_a_link_leads
 
 ABOVE = [
     ("/workspace/urdf", True),
-    ("/mnt/disk/urdf", True),
+    ("/mnt/disk/robot/urdf", True),
+    ("/mnt/c/Users/somebody/robot/urdf", True),
+    ("/data/of/project/home/robot/urdf", True),
     ("/home/somebody/robot/urdf", True),
     ("/Users/somebody/robot/urdf", True),
     ("/opt/robot/urdf", True),
@@ -412,6 +416,11 @@ ABOVE = [
     ("/tmp/urdf", False),
     ("/opt/urdf", False),
     ("/mnt/urdf", False),
+    ("/mnt/c/urdf", False),
+    ("/media/somebody/urdf", False),
+    ("/export/home/somebody/urdf", False),
+    ("/var/home/somebody/urdf", False),
+    ("/mnt/c/Users/somebody/urdf", False),
     ("/var/tmp/urdf", False),
     ("/private/tmp/urdf", False),
     ("/usr/share/urdf", False),
@@ -427,6 +436,22 @@ def test_the_folder_above_counts_unless_it_is_a_home_or_of_the_system(folder, re
     assert packages.holds(Path(folder, "meshes", "arm.stl"))
     assert packages.holds(Path(folder).parent / "meshes" / "arm.stl") == read
     assert not packages.holds(Path(folder).parent / ".hidden" / "arm.stl")
+
+
+def test_homes_of_other_users_are_not_above_a_robot_file(tmp_path, monkeypatch):
+    pwd = pytest.importorskip("pwd")
+    (tmp_path / "bob").symlink_to(tmp_path / "disk")
+    users = [SimpleNamespace(pw_dir=home) for home in ("/", "", str(tmp_path / "bob"))]
+    monkeypatch.setattr(pwd, "getpwall", lambda: users)
+    packages_module._homes.cache_clear()
+    try:
+        for home in (tmp_path / "bob", tmp_path / "disk"):
+            above = [Packages(home / inner / "arm.urdf").around for inner in ("urdf", "robot/urdf")]
+            assert above[0][0] == home / "urdf"
+            assert home not in above[0]
+            assert home / "robot" in above[1]
+    finally:
+        packages_module._homes.cache_clear()
 
 
 def test_the_home_folder_is_not_above_a_robot_file(tmp_path, monkeypatch):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator, Sequence
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from itertools import chain, islice
 from pathlib import Path
 
@@ -26,10 +26,12 @@ SYSTEM = frozenset({
     "proc", "root", "run", "sbin", "snap", "srv", "sys", "tmp", "usr", "var",
     "Applications", "Library", "System", "Users", "Volumes", "cores", "private",
 })  # fmt: skip
-#: Those of them whose folders belong to the system too: on macOS /tmp is a link to /private/tmp.
-DIVIDED = frozenset(("dev", "private", "run", "usr", "var"))
-#: Those of them whose folders are the homes of users.
-HOMES = frozenset(("Users", "home"))
+#: Those of them whose folders belong to the system too, or are disks: on macOS /tmp is a link to
+#: /private/tmp.
+DIVIDED = frozenset(("dev", "media", "mnt", "private", "run", "usr", "var"))
+#: Names of folders whose folders are the homes of users, at most so many levels below the root of
+#: the file system: /home/me, /export/home/me, /mnt/c/Users/me.
+HOMES, HOME_LEVELS = frozenset(("Users", "home")), 4
 #: Suffixes of meshes; MuJoCo has one of its own.
 MESHES = (*FORMATS, ".msh")
 #: Environment variables that name folders of models of Gazebo.
@@ -203,8 +205,25 @@ def _above(file: Path) -> Iterator[Path]:
 
 def _is_home(folder: Path) -> bool:
     """Whether a folder is the home folder of the user, or that of another one."""
-    homes = Path.home(), Path.home().resolve()
-    return folder in homes or (len(folder.parts) == 3 and folder.parts[1] in HOMES)
+    own = Path.home(), Path.home().resolve()
+    levels = len(folder.parts) - 1
+    named = folder.parent.name in HOMES and levels <= HOME_LEVELS
+    return named or folder in own or folder in _homes()
+
+
+@cache
+def _homes() -> frozenset[Path]:
+    """Return the home folders of the users of this computer, links followed too.
+
+    Many users of the system have the root of the file system, which is no home.
+    """
+    try:
+        import pwd
+    except ImportError:  # Windows
+        return frozenset()
+    stated = {Path(user.pw_dir) for user in pwd.getpwall() if user.pw_dir}
+    homes = stated | {home.resolve() for home in stated if home.is_absolute()}
+    return frozenset(home for home in homes if len(home.parts) > 1)
 
 
 def _is_system(folder: Path) -> bool:
