@@ -245,10 +245,14 @@ NODES = "".join(
 )
 ENTITIES = "".join(f'<!ENTITY e{i + 1} "{f"&e{i};" * 10}">' for i in range(30))
 MESHES |= {
-    "many.dae": f'<COLLADA xmlns="c"><node id="n0"/>{NODES}'
-    '<visual_scene><instance_node url="#n60"/></visual_scene></COLLADA>',
-    "round.dae": '<COLLADA><visual_scene><node id="n"><instance_node url="#n"/></node>'
-    "</visual_scene></COLLADA>",
+    "many.dae": f'<COLLADA xmlns="c"><library_nodes><node id="n0"/>{NODES}</library_nodes>'
+    '<library_visual_scenes><visual_scene id="s"><node><instance_node url="#n60"/></node>'
+    '</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene>'
+    "</COLLADA>",
+    "round.dae": '<COLLADA xmlns="c"><library_nodes><node id="n"><instance_node url="#n"/></node>'
+    '</library_nodes><library_visual_scenes><visual_scene id="s"><node><instance_node url="#n"/>'
+    "</node></visual_scene></library_visual_scenes>"
+    '<scene><instance_visual_scene url="#s"/></scene></COLLADA>',
     "entities.dae": f'<!DOCTYPE c [<!ENTITY e0 "e">{ENTITIES}]><COLLADA>&e30;</COLLADA>',
 }
 
@@ -269,7 +273,7 @@ MESHES |= {
         ("box.zip", "1 1 1", "'box.zip' cannot be read .give one of .stl"),
         ("zipped.dae", "1 1 1", "'zipped.dae' cannot be read .it is an archive"),
         ("many.dae", "1 1 1", "'many.dae' cannot be read .it places more than 10,000 nodes"),
-        ("round.dae", "1 1 1", "'round.dae' cannot be read .maximum recursion depth"),
+        ("round.dae", "1 1 1", "'round.dae' cannot be read .its nodes are nested too deeply"),
         ("entities.dae", "1 1 1", "'entities.dae' cannot be read .it declares a DOCTYPE"),
         ("text.urdf", "1 1 1", "'text.urdf' cannot be read .give one of .stl"),
         ("broken.glb", "1 1 1", "'broken.glb' cannot be read"),

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 import spacearm as sa
-from spacearm.description import gltf, shapes
+from spacearm.description import gltf, mesh_files, shapes
 from spacearm.description.shapes import read_mesh
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.5]], dtype="<f4")
@@ -168,8 +168,14 @@ def test_a_mesh_that_may_take_much_is_read_in_a_process_of_its_own_to_the_same(
     with pytest.raises(sa.ModelError, match=r"is not read in 60 s and .* GB of memory"):
         read_mesh(path)
     monkeypatch.setattr(shapes, "memory_limit", lambda: 3e8)
-    monkeypatch.setattr(shapes, "PER_BYTE", 1e9)
-    monkeypatch.setattr(shapes, "PER_TRIANGLE", 1e9)
+    for module, name in (
+        (shapes, "PER_BYTE"),
+        (shapes, "PER_TRIANGLE"),
+        (mesh_files, "PER_BYTE"),
+        (mesh_files, "PER_TRIANGLE"),
+        (mesh_files, "PER_BYTE_OF_PLY"),
+    ):
+        monkeypatch.setattr(module, name, 1e9)
     apart = read_mesh(path)
     assert len(called) == 2
     np.testing.assert_array_equal(apart.vertices, here.vertices)
