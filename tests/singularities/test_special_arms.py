@@ -145,7 +145,10 @@ def test_roots_on_lines_through_the_posture_are_starts(monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 40, 10))
-def test_special_arms_have_no_nearer_singular_posture_than_the_one_found(first):
+def test_nothing_certified_of_special_arms_is_false_and_few_singular_postures_are_missed(first):
+    """An upper bound from a search may be too large; that is said, and must be rare."""
     cases = [case for seed in range(first, first + 10) for case in compared(seed, 1)]
     assert len(cases) > 5
-    assert [str(case) for case in cases if case.contradictions] == []
+    assert [str(case) for case in cases if case.false] == []
+    missed = [str(case) for case in cases if case.missed]
+    assert len(missed) <= 0.2 * len(cases), missed

@@ -56,6 +56,8 @@ POSSIBLE = 1e-11
 FARTHER = 1e-4
 """Share by which a posture found may be farther than that of the other search, whose sigma_min is
 zero only within rounding: where slopes vanish too, the posture is known to fewer digits."""
+WITHIN_ROUNDING = 1e-12
+"""Share of |J*| up to which sigma_min may be its rounding: a posture counts as singular."""
 NEAR, APART = 1e-6, 1e-3
 """Distances to a set, to first order, up to which a posture is on it and from which it is not."""
 EYE = np.eye(3)
@@ -194,16 +196,24 @@ class Case:
     verdict: str
 
     @property
-    def contradictions(self) -> tuple[str, ...]:
-        """What the other search contradicts; empty if nothing."""
+    def false(self) -> tuple[str, ...]:
+        """What the package says and is not so; empty if nothing."""
         told = list(self.faults)
         if self.certified > self.other * (1.0 + FARTHER) + 1e-9:
             told.append("false proof")
-        if np.isinf(self.found) and np.isfinite(self.other):
-            told.append("none found")
-        elif self.found > self.other * (1.0 + FARTHER) + 1e-7:
-            told.append("farther")
         return tuple(told)
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """Whether the search of the package missed a nearer posture, which it does not rule out."""
+        if np.isinf(self.found) and np.isfinite(self.other):
+            return ("none found",)
+        return ("farther",) if self.found > self.other * (1.0 + FARTHER) + 1e-7 else ()
+
+    @property
+    def contradictions(self) -> tuple[str, ...]:
+        """What the other search contradicts; empty if nothing."""
+        return (*self.false, *self.missed)
 
     def __str__(self) -> str:
         limits = ", within limits" * self.limits
@@ -292,7 +302,8 @@ def _faults(
 
 def distance_to_set(search: IndependentSearch, x: np.ndarray) -> float:
     """Return how far the set is from an offset (n,); zero on it, inf if it is not reached."""
-    if search.on_set(x[None])[0]:
+    size = np.linalg.norm(search.arm.jacobians((search.q + x)[None], search.mode)[0])
+    if search.sigma(x[None])[0][0] <= WITHIN_ROUNDING * size:
         return 0.0
     ends = replace(search, limits=False).landed(x[None])
     return float(np.linalg.norm(ends - x, axis=1).min()) if len(ends) else np.inf
