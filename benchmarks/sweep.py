@@ -30,7 +30,8 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import spacearm as sa
-from spacearm.sweeps.runner import WIDTH, connect, estimate
+from spacearm.sweeps.estimates import estimate
+from spacearm.sweeps.runner import WIDTH, connect
 
 RISK = """
 arms = ["{arm}"]
