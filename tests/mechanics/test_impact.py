@@ -227,7 +227,7 @@ def test_an_arm_whose_mass_matrix_is_not_positive_definite_is_refused():
 
 @pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
 def test_a_tip_so_far_away_that_rounding_makes_masses_singular_is_refused():
-    """Where a pivot is just above zero, the momentum of the target is the next that is too large."""
+    """Where a pivot is just above zero, the momentum of the target is what is too large."""
     parts = (link("bus", 0.001, inertia=1e-12 * np.eye(3)), link("arm", com=(1, 0, 1)))
     hand = joint("hand", "arm", "tip", "fixed", xyz=(1e12, 0, 0))
     text = robot(*parts, joint("1", "bus", "arm", axis=(0, 1, 0)), frame("tip"), hand)
