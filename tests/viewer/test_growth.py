@@ -47,12 +47,12 @@ def counted():
 
 @pytest.fixture
 def others():
-    """What other tests of this process have left, before the viewer is there."""
+    """What other tests of this process have left; named before the viewer, it comes first."""
     return counted()
 
 
 @pytest.fixture
-def viewer(others):  # noqa: ARG001
+def viewer():
     viewer = sa.view(sa.load("planar2"), open=False)
     yield viewer
     viewer.close()
@@ -102,7 +102,7 @@ def alive(viewer, others):
 
 
 @pytest.mark.slow
-def test_what_connections_robots_and_motions_leave_is_given_up(viewer, others):
+def test_what_connections_robots_and_motions_leave_is_given_up(others, viewer):
     url = viewer.serve()
     found, nodes = [], []
     for _ in range(3):
